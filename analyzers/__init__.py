@@ -1,0 +1,1 @@
+"""Everything that reads logs: intervals, overlaps, durations, synergies, metrics, pictures."""

@@ -1,0 +1,196 @@
+"""Events into intervals: one row per started execution.
+
+Executions whose events are one start, at most one end and one dispatch, in order, are paired column-wise; all others
+are folded one by one through the state machine `hrclog.state.apply`. Both ways give the same rows.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import polars as pl
+
+from hrclog.analyzers.schemas import INTERVALS
+from hrclog.diagnostic import Diagnostic
+from hrclog.errors import InvalidEventError
+from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role, TaskFact, from_row
+from hrclog.log.reader import ORDER
+from hrclog.state import PLANNED, ExecutionState, apply
+
+SORT: Final = ("run_id", "start_ns", "until_ns", "agent", "task", "execution_id")
+
+_KEY: Final = ("run_id", "execution_id")
+_START_FIELDS: Final = ("agent", "task", "task_type", "role", "parent_execution_id", "item_id", "attempt", "path")
+_PLANNED: Final = ("planned_start_ns", "planned_end_ns")
+_END_FIELDS: Final = ("outcome", "reason", "planned_duration_s", "planning_time_s", "path_length", "target")
+_OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
+
+
+def intervals(events: pl.DataFrame) -> pl.DataFrame:
+    """Rebuild the executions of all runs.
+
+    Args:
+        events: an events frame in any order.
+
+    Returns:
+        A frame of schema `INTERVALS`.
+    """
+    return rebuild(events)[0]
+
+
+def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
+    """Rebuild the executions of all runs, and say which events the state machine does not allow.
+
+    Args:
+        events: an events frame in any order.
+
+    Returns:
+        A frame of schema `INTERVALS`, and one diagnostic per event that was skipped.
+    """
+    task_events = events.filter(pl.col("kind").is_in(TASK_KINDS)).sort(ORDER, maintain_order=True)
+    task_events = task_events.with_row_index("order")
+    regular_keys = _regular(task_events)
+    paired = _pair(task_events, regular_keys)
+    irregular = task_events.join(regular_keys, on=_KEY, how="anti", maintain_order="left")
+    folded, diagnostics = _fold(irregular)
+    last = events.group_by("run_id").agg(pl.col("time_ns").max().alias("last_ns"))
+    rows = pl.concat([paired, folded]).join(last, on="run_id", how="left")
+    rows = rows.with_columns(pl.coalesce("end_ns", pl.max_horizontal("last_ns", "start_ns")).alias("until_ns"))
+    return rows.select(INTERVALS.names()).cast(dict(INTERVALS)).sort(SORT), diagnostics
+
+
+def counted() -> pl.Expr:
+    """Return which intervals count in overlaps and synergies: primary ones that are no step of another."""
+    return (pl.col("role") != Role.AUXILIARY.value) & (pl.col("parent_execution_id") == "")
+
+
+def top_level() -> pl.Expr:
+    """Return which intervals make up an agent's timeline: all but the steps of a sequence."""
+    return pl.col("parent_execution_id") == ""
+
+
+def _regular(task_events: pl.DataFrame) -> pl.DataFrame:
+    """Return the keys of executions that need no state machine."""
+    kind = pl.col("kind")
+
+    def at(name: str) -> pl.Expr:
+        return pl.col("order").filter(kind == name)
+
+    started, ended, dispatched = (at(name) for name in ("task_started", "task_ended", "task_dispatched"))
+    facts = task_events.group_by(_KEY).agg(
+        ((started.len() == 1) & (ended.len() <= 1) & (dispatched.len() <= 1)).alias("once"),
+        (pl.len() == started.len() + ended.len() + dispatched.len()).alias("plain"),
+        (ended.first().is_null() | (ended.first() > started.first())).alias("ends_later"),
+        (dispatched.first().is_null() | (dispatched.first() < started.first())).alias("dispatched_before"),
+        ((pl.col("agent").n_unique() == 1) & (pl.col("task").n_unique() == 1)).alias("same"),
+        (pl.col("outcome").filter(kind == "task_ended").is_in(_OUTCOMES).all()).alias("known"),
+        ((pl.col("agent") != "") & (pl.col("task") != "")).all().alias("named"),
+    )
+    flags = ("once", "plain", "ends_later", "dispatched_before", "same", "known", "named")
+    return facts.filter(pl.all_horizontal(flags) & (pl.col("execution_id") != "")).select(_KEY)
+
+
+def _pair(task_events: pl.DataFrame, keys: pl.DataFrame) -> pl.DataFrame:
+    """Join starts with their ends and dispatches."""
+    regular = task_events.join(keys, on=_KEY, how="semi")
+    starts = regular.filter(pl.col("kind") == "task_started").select(
+        *_KEY, *_START_FIELDS, *_PLANNED, pl.col("time_ns").alias("start_ns")
+    )
+    ends = regular.filter(pl.col("kind") == "task_ended").select(*_KEY, *_END_FIELDS, pl.col("time_ns").alias("end_ns"))
+    plans = regular.filter(pl.col("kind") == "task_dispatched").select(*_KEY, *_PLANNED, "item_id")
+    joined = starts.join(ends, on=_KEY, how="left").join(plans, on=_KEY, how="left", suffix="_dispatched")
+    return joined.select(
+        *_KEY,
+        *(name for name in _START_FIELDS if name != "item_id"),
+        pl.when(pl.col("item_id") != "").then("item_id").otherwise(pl.col("item_id_dispatched").fill_null("")).alias("item_id"),
+        "start_ns",
+        "end_ns",
+        pl.col("outcome").fill_null(UNKNOWN_OUTCOME),
+        pl.col("reason").fill_null(""),
+        pl.lit(0, pl.Int64).alias("paused_ns"),
+        *(pl.coalesce(name, f"{name}_dispatched").alias(name) for name in _PLANNED),
+        "planned_duration_s",
+        "planning_time_s",
+        "path_length",
+        pl.col("target").fill_null(""),
+    ).select(_COLUMNS.names()).cast(dict(_COLUMNS))
+
+
+_COLUMNS: Final = pl.Schema({name: kind for name, kind in INTERVALS.items() if name != "until_ns"})
+
+
+def _fold(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
+    """Run the state machine over executions, event by event."""
+    states: dict[tuple[str, str], ExecutionState] = {}
+    facts: dict[tuple[str, str], dict[str, Any]] = {}
+    diagnostics: list[Diagnostic] = []
+    for row in task_events.iter_rows(named=True):
+        key = (row["run_id"], row["execution_id"])
+        before = states.get(key, PLANNED)
+        after, code = apply(before, _event(row, diagnostics))
+        if code:
+            diagnostics.append(_complaint(code, row))
+        if after is before:
+            continue
+        states[key] = after
+        facts.setdefault(key, {}).update(_facts(row, facts.get(key, {})))
+    rows = [
+        facts[key] | _outcome(state) | {"run_id": key[0], "execution_id": key[1]}
+        for key, state in states.items()
+        if state.start_ns is not None
+    ]
+    return pl.DataFrame(rows, schema=_COLUMNS), diagnostics
+
+
+def _event(row: dict[str, Any], diagnostics: list[Diagnostic]) -> TaskFact:
+    try:
+        event = from_row(row)
+    except InvalidEventError as error:
+        diagnostics.append(Diagnostic("invalid_details", str(error), row["path"], row["run_id"], row["seq"]))
+        event = from_row(row | {"details": ""})
+    assert isinstance(event, TaskFact)  # noqa: S101 - rows were filtered by TASK_KINDS
+    return event
+
+
+def _facts(row: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    """Return what an accepted event adds to its execution's row."""
+    match row["kind"]:
+        case "task_dispatched":
+            names: tuple[str, ...] = (*_START_FIELDS, *_PLANNED)
+        case "task_started":
+            planned = {name: row[name] if row[name] is not None else known.get(name) for name in _PLANNED}
+            item = row["item_id"] or known.get("item_id", "")
+            return {name: row[name] for name in _START_FIELDS} | planned | {"item_id": item}
+        case "task_ended":
+            names = tuple(name for name in _END_FIELDS if name != "outcome")
+        case _:
+            names = ()
+    return {name: row[name] for name in names}
+
+
+def _outcome(state: ExecutionState) -> dict[str, Any]:
+    return {
+        "start_ns": state.start_ns,
+        "end_ns": state.end_ns,
+        "outcome": state.outcome or UNKNOWN_OUTCOME,
+        "paused_ns": state.paused_ns,
+    }
+
+
+def _complaint(code: str, row: dict[str, Any]) -> Diagnostic:
+    what = f"{row['kind']} of {row['agent']!r}, {row['task']!r} (execution {row['execution_id'] or 'without id'})"
+    return Diagnostic(code, f"{what} is not allowed: {_WHY[code]}", row["path"], row["run_id"], row["seq"])
+
+
+_WHY: Final = {
+    "end_without_start": "it never started",
+    "duplicate_start": "an execution with this id has already started",
+    "event_after_end": "the execution has ended",
+    "dispatch_after_start": "it was dispatched or started before",
+    "pause_without_start": "it has not started",
+    "pause_while_paused": "it is paused already",
+    "resume_without_pause": "it is not paused",
+    "identity_changed": "the execution belongs to another agent or task",
+    "missing_identity": "agent, task and execution id must be named",
+    "invalid_outcome": "its outcome is not in the vocabulary; it counts as unknown",
+}

@@ -1,0 +1,142 @@
+"""The columns of every projection, in one place.
+
+Instants `*_ns` are int64 nanoseconds on the recorder's clock, durations `*_s` are seconds. Texts are "" where unset,
+numbers null.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import polars as pl
+
+INTERVALS: Final = pl.Schema(
+    {
+        "run_id": pl.String,
+        "agent": pl.String,
+        "task": pl.String,
+        "task_type": pl.String,
+        "role": pl.String,  # primary | auxiliary
+        "execution_id": pl.String,  # one per attempt
+        "parent_execution_id": pl.String,  # set on sub-steps of a sequence
+        "item_id": pl.String,  # the plan item; shared by retries
+        "attempt": pl.Int64,
+        "start_ns": pl.Int64,
+        "end_ns": pl.Int64,  # null while open
+        "until_ns": pl.Int64,  # end_ns, or the last instant of the run for an open execution
+        "outcome": pl.String,  # succeeded | failed | canceled | skipped | timed_out | unknown
+        "reason": pl.String,
+        "paused_ns": pl.Int64,  # part of the interval, kept beside it
+        "planned_start_ns": pl.Int64,
+        "planned_end_ns": pl.Int64,
+        "planned_duration_s": pl.Float64,
+        "planning_time_s": pl.Float64,
+        "path_length": pl.Float64,
+        "target": pl.String,
+        "path": pl.String,  # file of the start event
+    }
+)
+"""One row per started execution, ordered by (run_id, start_ns, until_ns, agent, task, execution_id)."""
+
+OVERLAPS: Final = pl.Schema(
+    {
+        "run_id": pl.String,
+        "execution_id": pl.String,
+        "agent": pl.String,
+        "task": pl.String,
+        "other_execution_id": pl.String,
+        "other_agent": pl.String,
+        "other_task": pl.String,
+        "overlap_ns": pl.Int64,
+        "ratio": pl.Float64,  # overlap / duration of the execution (the paper's delta)
+    }
+)
+"""One row per ordered pair of executions that overlap; pairs of one agent with itself are included."""
+
+PAIR_OVERLAPS: Final = pl.Schema(
+    {
+        "agent": pl.String,
+        "task": pl.String,
+        "other_agent": pl.String,
+        "other_task": pl.String,
+        "overlap_s": pl.Float64,
+        "n": pl.Int64,  # pairs of executions that overlap
+        "mean_ratio": pl.Float64,  # over all executions of the task, zeros included
+    }
+)
+"""One row per ordered pair of tasks of different agents, zeros included."""
+
+DURATIONS: Final = pl.Schema(
+    {
+        "agent": pl.String,
+        "task": pl.String,
+        "count": pl.Int64,  # executions that succeeded
+        "n_failed": pl.Int64,  # failed or timed out
+        "n_canceled": pl.Int64,  # canceled or skipped after their start
+        "n_censored": pl.Int64,  # still open when the log ended
+        "success_rate": pl.Float64,  # count / (count + n_failed)
+        "success_low": pl.Float64,  # Wilson 95 %
+        "success_high": pl.Float64,
+        "mean_s": pl.Float64,
+        "std_s": pl.Float64,  # sample (ddof = 1), null below two executions
+        "median_s": pl.Float64,
+        "q25_s": pl.Float64,
+        "q75_s": pl.Float64,
+        "min_s": pl.Float64,
+        "max_s": pl.Float64,
+        "lognormal_mu": pl.Float64,  # of log seconds
+        "lognormal_sigma": pl.Float64,
+        "lognormal_aic": pl.Float64,
+        "gamma_shape": pl.Float64,
+        "gamma_scale_s": pl.Float64,
+        "gamma_aic": pl.Float64,
+    }
+)
+"""One row per (agent, task) with a primary execution."""
+
+SYNERGIES: Final = pl.Schema(
+    {
+        "agent": pl.String,
+        "task": pl.String,
+        "other_agent": pl.String,
+        "other_task": pl.String,
+        "synergy": pl.Float64,  # factor on the duration of (agent, task) while the other runs; > 1 is bad
+        "synergy_free": pl.Float64,  # relative to undisturbed work, where the estimator knows it
+        "std_err": pl.Float64,
+        "ci_low": pl.Float64,  # 95 %
+        "ci_high": pl.Float64,
+        "n": pl.Int64,  # pairs of executions that overlap
+        "overlap_s": pl.Float64,
+        "status": pl.String,  # ok | sparse (n < 5) | weakly_identified | unobserved
+        "estimator": pl.String,
+    }
+)
+"""One row per ordered pair of tasks of different agents; numbers are null where unobserved."""
+
+RUNS: Final = pl.Schema(
+    {
+        "run_id": pl.String,
+        "name": pl.String,
+        "path": pl.String,  # of its first segment
+        "agents": pl.List(pl.String),
+        "start_ns": pl.Int64,  # first start of an execution
+        "end_ns": pl.Int64,  # last end
+        "makespan_s": pl.Float64,
+        "n_executions": pl.Int64,
+        "n_failed": pl.Int64,
+        "n_open": pl.Int64,
+        "outcome": pl.String,  # of the run; "" when it has no run_ended event
+    }
+)
+"""One row per run, ordered by (start_ns, run_id)."""
+
+METRICS: Final = pl.Schema({"run_id": pl.String, "metric": pl.String, "key": pl.String, "value": pl.Float64})
+"""One row per run, metric and key: "H" of an agent, "H|R" of a pair, "H>R" of a direction, "" of the run."""
+
+SIGNALS: Final = pl.Schema({"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64, "value": pl.Float64})
+"""One row per sample; joint states are named "agent/joint"."""
+
+
+def empty(schema: pl.Schema) -> pl.DataFrame:
+    """Return a frame of no rows."""
+    return pl.DataFrame(schema=schema)

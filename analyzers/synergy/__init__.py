@@ -1,0 +1,1 @@
+"""Synergy estimators, one a file."""

@@ -1,0 +1,64 @@
+"""Event-sourced log processing for human-robot collaboration.
+
+The public face: names are imported from their rooms when they are first used, so that `import hrclog` is cheap.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from hrclog._version import __version__
+from hrclog.errors import HrclogError
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.analysis import Analysis, analyze
+    from hrclog.analyzers.durations import durations
+    from hrclog.analyzers.intervals import intervals
+    from hrclog.analyzers.metrics import metrics
+    from hrclog.analyzers.overlaps import overlaps
+    from hrclog.log.reader import Logs, read_events, read_logs
+    from hrclog.recorders.recorder import Recorder, TaskHandle
+
+_LAZY = {
+    "Analysis": "hrclog.analyzers.analysis",
+    "Logs": "hrclog.log.reader",
+    "Recorder": "hrclog.recorders.recorder",
+    "TaskHandle": "hrclog.recorders.recorder",
+    "analyze": "hrclog.analyzers.analysis",
+    "durations": "hrclog.analyzers.durations",
+    "intervals": "hrclog.analyzers.intervals",
+    "metrics": "hrclog.analyzers.metrics",
+    "overlaps": "hrclog.analyzers.overlaps",
+    "read_events": "hrclog.log.reader",
+    "read_logs": "hrclog.log.reader",
+}
+
+__all__ = [
+    "Analysis",
+    "HrclogError",
+    "Logs",
+    "Recorder",
+    "TaskHandle",
+    "__version__",
+    "analyze",
+    "durations",
+    "intervals",
+    "metrics",
+    "overlaps",
+    "read_events",
+    "read_logs",
+]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the room defines
+    """Import a public name from its room."""
+    if name not in _LAZY:
+        raise AttributeError(f"module 'hrclog' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_LAZY[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

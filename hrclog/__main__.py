@@ -1,0 +1,7 @@
+"""`python -m hrclog`."""
+
+import sys
+
+from hrclog.cli import main
+
+sys.exit(main())

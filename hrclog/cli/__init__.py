@@ -1,0 +1,89 @@
+"""The command line: one file per verb, imported when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import keyword
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from hrclog._version import __version__
+from hrclog.errors import HrclogError
+
+VERBS = {
+    "analyze": "Durations, overlaps, synergies and pictures of recorded runs.",
+    "check": "Look for damage and doubtful data in logs.",
+    "demo": "Analyse the sample runs that come with hrclog.",
+    "export": "Write events, intervals and overlaps as CSV or Parquet.",
+    "import": "Turn other systems' records into logs.",
+    "info": "Say what a log holds.",
+    "record": "Record events given as JSON lines on standard input.",
+    "recover": "Close logs whose recorder was killed.",
+    "sim": "Simulate runs of a cell and write their logs.",
+    "view": "Open a log or a recording in the Rerun viewer.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group that imports a verb's module when the verb is used."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """Return the verbs, sorted."""
+        return sorted(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
+        """Import a verb's module and return its command."""
+        if cmd_name not in VERBS:
+            return None
+        module = f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
+        command: click.Command = importlib.import_module(f"hrclog.cli.{module}").command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
+        """List the verbs without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(VERBS.items()))
+
+
+@click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, prog_name="hrclog")
+@click.option("--debug", is_flag=True, help="Show tracebacks of errors.")
+@click.pass_context
+def cli(ctx: click.Context, debug: bool) -> None:  # noqa: FBT001 - click passes flags by name
+    """Learn from runs of humans and robots that share a cell.
+
+    Record or import runs as logs, then: hrclog analyze LOG...
+
+    \b
+    Example:
+      hrclog demo
+    """  # noqa: D301 - click's \b keeps the line breaks
+    ctx.obj = {"debug": debug}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0 fine, 1 failed, 2 usage, 3 data was lost or skipped."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    debug = "--debug" in arguments
+    try:
+        result: Any = cli.main(arguments, prog_name="hrclog", standalone_mode=False)
+    except HrclogError as error:
+        if debug:
+            raise
+        click.echo(f"hrclog: error: {error}", err=True)
+        return 1
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.Abort:
+        click.echo("hrclog: interrupted", err=True)
+        return 130
+    except BrokenPipeError:
+        # the reader of our output went away; what is still buffered has nowhere to go
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return result if isinstance(result, int) else 0

@@ -1,0 +1,84 @@
+"""What is remarkable about a log, as data: severity, code, place, message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Literal
+
+Severity = Literal["error", "warning", "info"]
+
+CODES: Final[dict[str, tuple[Severity, str]]] = {
+    # data that was lost or skipped
+    "unreadable_file": ("error", "a file could not be read; the other files were"),
+    "no_header": ("error", "the file ends before its header, so it holds 0 events"),
+    "truncated": ("error", "the file ends inside a record, whose bytes were ignored"),
+    "corrupt_data": ("error", "bytes that are no valid record, or fail their checksum, were skipped"),
+    "undecodable_event": ("error", "a message on an event channel could not be decoded and was skipped"),
+    "events_missing": ("error", "the sequence numbers of a run have gaps: events were lost"),
+    "unknown_event": ("error", "an event of a kind this version does not know was kept but not interpreted"),
+    "end_without_start": ("error", "an execution ended that never started; the event was skipped"),
+    "duplicate_start": ("error", "an execution id started twice; the later start was skipped"),
+    "event_after_end": ("error", "something happened to an execution that had ended; the event was skipped"),
+    "dispatch_after_start": ("error", "an execution was dispatched after it had started; the event was skipped"),
+    "pause_without_start": ("error", "an execution was paused or resumed that had not started; the event was skipped"),
+    "pause_while_paused": ("error", "an execution was paused twice; the later pause was skipped"),
+    "resume_without_pause": ("error", "an execution resumed that was not paused; the event was skipped"),
+    "identity_changed": ("error", "an execution changed its agent or task on the way; the event was skipped"),
+    "missing_identity": ("error", "a task event names no agent, task or execution; the event was skipped"),
+    "invalid_outcome": ("error", "an outcome is not in the vocabulary; the execution's outcome is unknown"),
+    "skipped_row": ("error", "a row of the source could not be imported"),
+    "no_events": ("error", "the file is readable but carries no events"),
+    # worth a look, nothing lost
+    "conflicting_seq": ("warning", "two different events of a run carry the same sequence number; both were kept"),
+    "invalid_details": ("warning", "the details of an event are not a JSON object and were ignored"),
+    "newer_schema": ("warning", "an event was written by a newer version; the fields known here were read"),
+    "non_finite_value": ("warning", "a number was NaN or infinite and counts as unset"),
+    "open_execution": ("warning", "an execution was still open when the log ended; it is counted as censored"),
+    "self_overlap": ("warning", "an agent overlaps itself (two arms, or two people under one name)"),
+    "zero_duration": ("warning", "an execution ended in the instant in which it started"),
+    "single_outcome": ("warning", "every execution succeeded: failures may have been removed (survivorship)"),
+    "no_run_id": ("warning", "events name no run; they are taken as one run of that file"),
+    "time_not_monotonic": ("warning", "times run backwards against the order of writing; the times were believed"),
+    # facts
+    "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
+    "duplicate_events": ("info", "the same events were given more than once and counted once"),
+    "hidden_attempts": ("info", "the numbering of the recipes has gaps, so attempts were deleted upstream"),
+    "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
+    "run_not_ended": ("info", "the run has no run_ended event"),
+}
+"""Every code, its severity and what it means. Errors mean that data was lost or skipped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One finding: where (path, run, seq of the event, byte offset) and what."""
+
+    code: str
+    message: str
+    path: str = ""
+    run_id: str = ""
+    seq: int | None = None
+    offset: int | None = None
+
+    @property
+    def severity(self) -> Severity:
+        """Return error (data lost or skipped), warning or info."""
+        return CODES[self.code][0]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the finding as a flat mapping, severity first."""
+        return {"severity": self.severity, **asdict(self)}
+
+    def __str__(self) -> str:
+        place = self.path
+        if self.seq is not None:
+            place += f" (seq {self.seq})"
+        elif self.offset is not None:
+            place += f" (byte {self.offset})"
+        return f"{self.severity}: {place + ': ' if place else ''}{self.message} [{self.code}]"
+
+
+def loses_data(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Return whether any finding says that data was lost or skipped."""
+    return any(diagnostic.severity == "error" for diagnostic in diagnostics)

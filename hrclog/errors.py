@@ -1,0 +1,63 @@
+"""The errors a user can cause, one root."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class HrclogError(Exception):
+    """Root of every error that hrclog raises on purpose."""
+
+
+class LogExistsError(HrclogError):
+    """A log would have been overwritten."""
+
+    def __init__(self, path: Path, remedy: str) -> None:
+        self.path = path
+        super().__init__(f"{path}: exists already, not overwriting it; {remedy}")
+
+
+class LogReadError(HrclogError):
+    """A file cannot be read as an event log at all."""
+
+    def __init__(self, path: Path | str, found: str, expected: str, remedy: str = "") -> None:
+        self.path = Path(path)
+        text = f"{path}: found {found}, expected {expected}"
+        super().__init__(f"{text}; {remedy}" if remedy else text)
+
+
+class LogWriteError(HrclogError):
+    """An event could not be written."""
+
+    def __init__(self, path: Path | str, reason: str, remedy: str) -> None:
+        self.path = Path(path)
+        super().__init__(f"{path}: {reason}; {remedy}")
+
+
+class IllegalEventError(HrclogError):
+    """An event would break the state machine of its execution, so it was not recorded."""
+
+
+class InvalidEventError(HrclogError):
+    """An event's fields are not of the form the vocabulary asks for."""
+
+
+class ImportDataError(HrclogError):
+    """A foreign file cannot be turned into logs."""
+
+    def __init__(self, path: Path | str, found: str, expected: str, remedy: str = "") -> None:
+        self.path = Path(path)
+        text = f"{path}: found {found}, expected {expected}"
+        super().__init__(f"{text}; {remedy}" if remedy else text)
+
+
+class ScenarioError(HrclogError):
+    """A scenario, problem or plan is not valid."""
+
+
+class OutputError(HrclogError):
+    """A result could not be written where the user asked."""
+
+    def __init__(self, path: Path | str, reason: str) -> None:
+        self.path = Path(path)
+        super().__init__(f"{path}: {reason}; choose another folder with -o or fix its permissions")

@@ -1,0 +1,380 @@
+"""The event vocabulary: one typed class a kind, one flat row on the wire.
+
+Every event is a fact in the past tense. A class names just the fields that mean something for its kind; `to_row`
+lays them out as the flat columns of `hrclog_msgs/msg/TaskEvent`, and what has no column goes into the JSON `details`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import StrEnum
+from typing import Any, ClassVar, Final
+
+from hrclog.errors import InvalidEventError
+
+SCHEMA_VERSION: Final = 1
+
+INT_COLUMNS: Final = ("time_ns", "agent_time_ns", "planned_start_ns", "planned_end_ns")
+FLOAT_COLUMNS: Final = ("planned_duration_s", "planning_time_s", "path_length", "speed_scale")
+STRING_COLUMNS: Final = (
+    "kind",
+    "run_id",
+    "agent",
+    "task",
+    "task_type",
+    "role",
+    "execution_id",
+    "parent_execution_id",
+    "item_id",
+    "command_id",
+    "outcome",
+    "reason",
+    "cause",
+    "mode",
+    "zone",
+    "target",
+    "details",
+)
+COLUMNS: Final = ("schema_version", "attempt", "seq", *INT_COLUMNS, *FLOAT_COLUMNS, *STRING_COLUMNS)
+"""The flat columns of an event, in wire order. Unset integers and floats are None, unset strings ""."""
+
+UNKNOWN_OUTCOME: Final = "unknown"
+"""Outcome that a reader derives for an execution still open at the end of its log; never written."""
+
+
+class Outcome(StrEnum):
+    """How an execution or a run ended; ROS 2's words, with ABORTED mapped to failed."""
+
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELED = "canceled"
+    SKIPPED = "skipped"
+    TIMED_OUT = "timed_out"
+
+
+class Cause(StrEnum):
+    """Why an execution paused."""
+
+    SAFETY = "safety"
+    OPERATOR = "operator"
+    DEPENDENCY = "dependency"
+
+
+class Role(StrEnum):
+    """Whether an execution counts in durations and synergies, or only in timelines and metrics."""
+
+    PRIMARY = "primary"
+    AUXILIARY = "auxiliary"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """A fact, and when it happened on the recorder's clock.
+
+    `seq` counts the events of a run from 0; `agent_time_ns` is the same instant on the agent's own clock.
+    """
+
+    kind: ClassVar[str] = ""
+    time_ns: int
+    run_id: str = ""
+    seq: int = 0
+    agent_time_ns: int | None = None
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunStarted(Event):
+    """A run, or with `segment` > 1 its continuation after a stop, began."""
+
+    kind: ClassVar[str] = "run_started"
+    name: str = ""
+    agents: tuple[str, ...] = ()
+    plan: Any = None
+    task_properties: Any = None
+    dispatch_mode: str = ""
+    software: Mapping[str, str] = field(default_factory=dict)
+    seed: int | None = None
+    segment: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEnded(Event):
+    """A run came to its end."""
+
+    kind: ClassVar[str] = "run_ended"
+    outcome: str = Outcome.SUCCEEDED
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskFact(Event):
+    """What all events of one execution carry; one `execution_id` per attempt, retries share `item_id`."""
+
+    agent: str
+    task: str
+    execution_id: str
+    task_type: str = ""
+    role: str = Role.PRIMARY
+    attempt: int = 1
+    item_id: str = ""
+    command_id: str = ""
+    parent_execution_id: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskDispatched(TaskFact):
+    """A task was handed to its agent."""
+
+    kind: ClassVar[str] = "task_dispatched"
+    planned_start_ns: int | None = None
+    planned_end_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskStarted(TaskFact):
+    """An agent began an execution; planned instants are on the recorder's clock."""
+
+    kind: ClassVar[str] = "task_started"
+    planned_start_ns: int | None = None
+    planned_end_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskEnded(TaskFact):
+    """An execution ended."""
+
+    kind: ClassVar[str] = "task_ended"
+    outcome: str = Outcome.SUCCEEDED
+    reason: str = ""
+    planned_duration_s: float | None = None
+    planning_time_s: float | None = None
+    path_length: float | None = None
+    target: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskPaused(TaskFact):
+    """An execution was halted for a while."""
+
+    kind: ClassVar[str] = "task_paused"
+    cause: str = Cause.OPERATOR
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskResumed(TaskFact):
+    """A halted execution went on."""
+
+    kind: ClassVar[str] = "task_resumed"
+    cause: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandRejected(Event):
+    """A command was refused, and why."""
+
+    kind: ClassVar[str] = "command_rejected"
+    command_id: str = ""
+    execution_id: str = ""
+    agent: str = ""
+    task: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyStateChanged(Event):
+    """The safety function changed an agent's mode or speed scale (0 stopped .. 1 full speed)."""
+
+    kind: ClassVar[str] = "safety_state_changed"
+    agent: str = ""
+    mode: str = ""
+    speed_scale: float | None = None
+    zone: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockSynced(Event):
+    """An agent's clock read `agent_time_ns` when the recorder's read `time_ns`."""
+
+    kind: ClassVar[str] = "clock_synced"
+    agent: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanChanged(Event):
+    """The plan being followed was replaced."""
+
+    kind: ClassVar[str] = "plan_changed"
+    plan: Any = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnnotationAdded(Event):
+    """Somebody said something about the run or one execution; the text is in `reason`."""
+
+    kind: ClassVar[str] = "annotation_added"
+    execution_id: str = ""
+    agent: str = ""
+    task: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatisticsUpdated(Event):
+    """The knowledge base took this run in."""
+
+    kind: ClassVar[str] = "statistics_updated"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heartbeat(Event):
+    """An agent, or the recorder, was alive."""
+
+    kind: ClassVar[str] = "heartbeat"
+    agent: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnknownEvent(Event):
+    """An event of a kind this version does not know; `row` keeps everything it said."""
+
+    row: Mapping[str, Any] = field(default_factory=dict)
+
+
+EVENT_CLASSES: Final[dict[str, type[Event]]] = {
+    cls.kind: cls
+    for cls in (
+        RunStarted,
+        RunEnded,
+        TaskDispatched,
+        TaskStarted,
+        TaskEnded,
+        TaskPaused,
+        TaskResumed,
+        CommandRejected,
+        SafetyStateChanged,
+        ClockSynced,
+        PlanChanged,
+        AnnotationAdded,
+        StatisticsUpdated,
+        Heartbeat,
+    )
+}
+"""Kind to class, the whole vocabulary."""
+
+TASK_KINDS: Final = tuple(kind for kind, cls in EVENT_CLASSES.items() if issubclass(cls, TaskFact))
+
+_EMPTY_ROW: Final[dict[str, Any]] = (
+    {"schema_version": SCHEMA_VERSION, "attempt": 0, "seq": 0}
+    | dict.fromkeys((*INT_COLUMNS, *FLOAT_COLUMNS))
+    | dict.fromkeys(STRING_COLUMNS, "")
+)
+_FLAT_FIELDS: Final = {
+    cls: tuple(f.name for f in fields(cls) if f.name in _EMPTY_ROW and f.name != "details")
+    for cls in EVENT_CLASSES.values()
+}
+_DETAIL_FIELDS: Final = {
+    cls: tuple((f.name, f) for f in fields(cls) if f.name not in _EMPTY_ROW) for cls in EVENT_CLASSES.values()
+}
+
+
+def to_row(event: Event) -> dict[str, Any]:
+    """Return the flat columns of an event.
+
+    Raises:
+        InvalidEventError: `details` cannot be written as JSON.
+    """
+    if isinstance(event, UnknownEvent):
+        return _EMPTY_ROW | dict(event.row)
+    cls = type(event)
+    row = _EMPTY_ROW.copy()
+    row["kind"] = event.kind
+    for name in _FLAT_FIELDS[cls]:
+        row[name] = getattr(event, name)
+    details = dict(event.details)
+    for name, spec in _DETAIL_FIELDS[cls]:
+        value = getattr(event, name)
+        if value not in (None, (), {}, "") and value != spec.default:
+            details[name] = value
+    if details:
+        row["details"] = _to_json(event.kind, details)
+    return row
+
+
+def from_row(row: Mapping[str, Any]) -> Event:
+    """Return the typed event of a flat row; the inverse of `to_row`.
+
+    Args:
+        row: columns of `COLUMNS`; missing ones count as unset, further ones are ignored.
+
+    Raises:
+        InvalidEventError: `details` is not a JSON object.
+    """
+    kind = row["kind"]
+    cls = EVENT_CLASSES.get(kind)
+    if cls is None:
+        return UnknownEvent(
+            time_ns=row["time_ns"],
+            run_id=row.get("run_id", ""),
+            seq=row.get("seq", 0),
+            row={name: row[name] for name in COLUMNS if name in row},
+        )
+    details = parse_details(row.get("details", ""), kind)
+    values: dict[str, Any] = {name: row[name] for name in _FLAT_FIELDS[cls] if name in row}
+    for name, spec in _DETAIL_FIELDS[cls]:
+        if name in details:
+            value = details.pop(name)
+            values[name] = tuple(value) if spec.default == () and isinstance(value, list) else value
+    return cls(**values, details=details)
+
+
+def parse_details(text: str, kind: str = "event") -> dict[str, Any]:
+    """Return the JSON object of a `details` text, {} for "".
+
+    Raises:
+        InvalidEventError: the text is not a JSON object.
+    """
+    if not text:
+        return {}
+    try:
+        details = json.loads(text)
+    except ValueError as error:
+        raise InvalidEventError(f"{kind}: details are not JSON ({error}): {text[:80]!r}") from error
+    if not isinstance(details, dict):
+        raise InvalidEventError(f"{kind}: details are {type(details).__name__}, expected a JSON object: {text[:80]!r}")
+    return details
+
+
+def check_row(row: Mapping[str, Any]) -> None:
+    """Raise if a row that is about to be written says something that the vocabulary forbids.
+
+    Raises:
+        InvalidEventError: names the field, what was found and what is allowed.
+    """
+    kind = row["kind"]
+    if kind in TASK_KINDS:
+        for name in ("agent", "task", "execution_id"):
+            if not row[name]:
+                raise InvalidEventError(f"{kind}: {name} is empty, expected a name")
+    if kind in ("task_ended", "run_ended") and row["outcome"] not in _OUTCOMES:
+        raise InvalidEventError(f"{kind}: outcome is {row['outcome']!r}, expected one of {', '.join(_OUTCOMES)}")
+    if kind == "task_paused" and row["cause"] not in _CAUSES:
+        raise InvalidEventError(f"{kind}: cause is {row['cause']!r}, expected one of {', '.join(_CAUSES)}")
+    scale = row["speed_scale"]
+    if scale is not None and not (math.isfinite(scale) and 0.0 <= scale):
+        raise InvalidEventError(f"{kind}: speed_scale is {scale!r}, expected a number from 0 (stopped), 1 is full speed")
+
+
+_OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
+_CAUSES: Final = tuple(cause.value for cause in Cause)
+
+
+def _to_json(kind: str, details: Mapping[str, Any]) -> str:
+    try:
+        return json.dumps(details, ensure_ascii=False, separators=(",", ":"), sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise InvalidEventError(f"{kind}: details cannot be written as JSON ({error})") from error

@@ -1,0 +1,96 @@
+"""ROS 2 bags (a folder, mcap or sqlite3) and ROS 1 bags that carry the event topic, through rosbags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from hrclog.errors import LogReadError
+from hrclog.log import channels, message
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+_OUR_TYPES: Final = (message.TYPE_NAME, channels.FLOAT_TYPE, channels.JOINTS_TYPE)
+
+
+@dataclass(slots=True)
+class BagTopic:
+    """The raw messages of one topic of a bag; `decode` turns one into an object with the type's fields."""
+
+    topic: str
+    type_name: str
+    definition: str
+    cdr: bool
+    decode: Callable[[bytes], Any]
+    times_ns: list[int] = field(default_factory=list)
+    messages: list[bytes] = field(default_factory=list)
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a path is a ROS 1 bag file or a ROS 2 bag folder."""
+    return path.is_dir() or path.suffix == ".bag"
+
+
+def read_bag(path: Path) -> list[BagTopic]:
+    """Return the topics of a bag that hrclog understands.
+
+    Raises:
+        LogReadError: the bag cannot be opened, or breaks off.
+    """
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    store.register(get_types_from_msg(message.DEFINITION, message.TYPE_NAME))
+    topics: dict[int, BagTopic] = {}
+    try:
+        with AnyReader([path], default_typestore=store) as reader:
+            wanted = [connection for connection in reader.connections if connection.msgtype in _OUR_TYPES]
+            if not wanted:
+                return []
+            for connection in wanted:
+                definition = connection.msgdef.data or (
+                    message.DEFINITION if connection.msgtype == message.TYPE_NAME else ""
+                )
+                topics[id(connection)] = BagTopic(
+                    connection.topic,
+                    connection.msgtype,
+                    definition,
+                    cdr=path.is_dir(),
+                    decode=_decoder(reader.deserialize, connection.msgtype),
+                )
+            for connection, time_ns, raw in reader.messages(wanted):
+                topic = topics[id(connection)]
+                topic.times_ns.append(time_ns)
+                topic.messages.append(bytes(raw))
+    except Exception as error:
+        raise LogReadError(path, f"a bag that cannot be read ({error})", "a ROS 1 or ROS 2 bag") from error
+    return list(topics.values())
+
+
+def definition_decoder(type_name: str, definition: str) -> Callable[[bytes], Any]:
+    """Return a decoder of CDR messages whose layout differs from ours.
+
+    Raises:
+        ValueError: the definition cannot be parsed.
+    """
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store: Typestore = get_typestore(Stores.LATEST)
+    try:
+        store.register(get_types_from_msg(definition, type_name))
+    except Exception as error:
+        raise ValueError(f"the definition of {type_name} cannot be parsed ({error})") from error
+    return lambda raw: store.deserialize_cdr(raw, type_name)
+
+
+def fields_of(decoded: Any, names: Sequence[str]) -> Mapping[str, Any]:  # noqa: ANN401 - a generated message class
+    """Return those fields of a decoded message that exist."""
+    return {name: getattr(decoded, name) for name in names if hasattr(decoded, name)}
+
+
+def _decoder(deserialize: Callable[..., Any], type_name: str) -> Callable[[bytes], Any]:
+    return lambda raw: deserialize(raw, type_name)

@@ -1,0 +1,39 @@
+"""Which files a user means by paths, folders and globs."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+LOG_PATTERNS: Final = ("*.mcap", "*.mcap.partial", "*.bag")
+BAG_METADATA: Final = "metadata.yaml"
+
+
+def find_logs(arguments: Iterable[str | Path]) -> list[Path]:
+    """Return the logs that paths, folders and globs name, each once, in the order of the arguments and then by name.
+
+    A folder means the logs right in it, or is itself a log where it is a ROS 2 bag. A path that does not exist is
+    returned too, so that reading it says so.
+    """
+    found: dict[Path, None] = {}
+    for argument in arguments:
+        for path in _expand(argument):
+            found.update(dict.fromkeys(_logs_at(path)))
+    return list(found)
+
+
+def _expand(argument: str | Path) -> list[Path]:
+    path = Path(argument)
+    if path.exists() or not glob.has_magic(str(argument)):
+        return [path]
+    return [Path(match) for match in sorted(glob.glob(str(argument), recursive=True))]  # noqa: PTH207 - absolute globs
+
+
+def _logs_at(path: Path) -> list[Path]:
+    if not path.is_dir() or (path / BAG_METADATA).exists():
+        return [path]
+    files = {match for pattern in LOG_PATTERNS for match in path.glob(pattern) if match.is_file()}
+    bags = {folder.parent for folder in path.glob(f"*/{BAG_METADATA}")}
+    return sorted(files | bags)

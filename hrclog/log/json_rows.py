@@ -1,0 +1,74 @@
+"""Events given as JSON objects with the same field names as `TaskEvent`, checked field by field."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+from hrclog.errors import InvalidEventError
+from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, SCHEMA_VERSION, STRING_COLUMNS
+
+_COUNTERS: Final = ("schema_version", "attempt", "seq")
+_DEFAULTS: Final[dict[str, Any]] = (
+    {"schema_version": SCHEMA_VERSION, "attempt": 1, "seq": None}
+    | dict.fromkeys((*INT_COLUMNS, *FLOAT_COLUMNS))
+    | dict.fromkeys(STRING_COLUMNS, "")
+)
+
+
+def parse_object(text: str | bytes) -> dict[str, Any]:
+    """Return the JSON object of a text.
+
+    Raises:
+        InvalidEventError: the text is not a JSON object.
+    """
+    try:
+        value = json.loads(text)
+    except ValueError as error:
+        raise InvalidEventError(f"found no JSON ({error}), expected one JSON object per event") from error
+    if not isinstance(value, dict):
+        raise InvalidEventError(f"found a JSON {type(value).__name__}, expected one object per event")
+    return value
+
+
+def row_from_object(value: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the flat event row of a JSON object; `seq` and `time_ns` stay None where it gives none.
+
+    Further fields are ignored, as a newer writer may add some; `details` may be an object or its JSON text.
+
+    Raises:
+        InvalidEventError: a known field has the wrong type, or `kind` is missing.
+    """
+    row = _DEFAULTS.copy()
+    for name in COLUMNS:
+        found = value.get(name)
+        if found is not None:
+            row[name] = _checked(name, found)
+    if not row["kind"]:
+        raise InvalidEventError("found an object without `kind`, expected for example task_started")
+    return row
+
+
+def _checked(name: str, found: Any) -> Any:  # noqa: ANN401 - any JSON value in, the column's type out
+    if name == "details" and isinstance(found, dict):
+        return json.dumps(found, ensure_ascii=False, sort_keys=True)
+    if name in STRING_COLUMNS:
+        if isinstance(found, str):
+            return found
+        raise InvalidEventError(f"{name} is {found!r}, expected a text")
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        raise InvalidEventError(f"{name} is {found!r}, expected a number")
+    if name in FLOAT_COLUMNS:
+        return float(found)
+    return _integer(name, found)
+
+
+def _integer(name: str, found: float) -> int:
+    low, high = (0, 2**32) if name in _COUNTERS[:2] else (-(2**63) + 1, 2**63)
+    # a float is taken only where it is exact: instants of today do not fit into one
+    if found != found or int(found) != found or not low <= found < high:  # noqa: PLR0124 - NaN differs from itself
+        raise InvalidEventError(f"{name} is {found!r}, expected a whole number of 64 bits")
+    if isinstance(found, float) and abs(found) > 2**53:
+        raise InvalidEventError(f"{name} is {found!r}, expected an integer: a float cannot hold it exactly")
+    return int(found)

@@ -1,0 +1,110 @@
+"""Plans drawn at random under a problem's constraints."""
+
+from __future__ import annotations
+
+import random
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TypeVar
+
+from hrclog.errors import ScenarioError
+from hrclog.plan import Orders, Plan, make_plan
+from hrclog.plan_order import Ledger
+from hrclog.problem import Problem, Unit
+
+T = TypeVar("T")
+
+_ATTEMPTS = 1000
+
+
+def random_plans(problem: Problem, seed: int | str) -> Iterator[Plan]:
+    """Yield plans drawn at random, all different, until chance finds no further one.
+
+    The order depends on the seed alone, so the first plans stay the same however many are taken. A problem has been
+    drawn dry when 100 + 10 n draws in a row gave none that is not among the n found (for equally likely plans: one
+    that is left would have been missed with probability e^-10).
+
+    Args:
+        problem: what is to be done.
+        seed: of the random numbers.
+
+    Raises:
+        ScenarioError: no order was found in which every agent gets to the end.
+    """
+    source = random.Random(f"plans:{seed}")  # noqa: S311 - reproducible simulation, no cryptography
+    found: set[tuple[tuple[str, ...], ...]] = set()
+    misses = 0
+    while misses < 100 + 10 * len(found):
+        orders = random_orders(problem, source)
+        key = tuple(orders[agent] for agent in problem.agents)
+        if key in found:
+            misses += 1
+            continue
+        found.add(key)
+        misses = 0
+        yield make_plan(problem, orders, f"plan-{len(found):03d}")
+
+
+def distinct_plans(problem: Problem, count: int, seed: int | str) -> list[Plan]:
+    """Return plans drawn at random, all different.
+
+    Raises:
+        ScenarioError: there are not that many.
+    """
+    plans = [plan for plan, _ in zip(random_plans(problem, seed), range(count), strict=False)]
+    if len(plans) < count:
+        raise ScenarioError(f"{count} different plans were asked for, the problem has {len(plans)}; ask for fewer")
+    return plans
+
+
+def random_orders(problem: Problem, source: random.Random) -> Orders:
+    """Return the tasks of each agent in a random order that is possible.
+
+    Free work is dealt out at random first; where no precedence links the agents, an agent's orders are equally likely.
+
+    Args:
+        problem: what is to be done.
+        source: only its `random()` is used, the one method whose numbers Python promises to keep.
+
+    Raises:
+        ScenarioError: no order was found in which every agent gets to the end.
+    """
+    units = problem.units()
+    for _ in range(_ATTEMPTS):
+        orders = _draw(problem, [(pick(unit.agents, source), unit) for unit in units], source)
+        if orders is not None:
+            return orders
+    raise ScenarioError(
+        f"precedences: {_ATTEMPTS} random orders all came to a standstill, agents waiting for each other; "
+        "loosen a precedence of kind 'next'"
+    )
+
+
+def pick(values: Sequence[T], source: random.Random) -> T:
+    """Return one of the values, each equally likely."""
+    return values[int(source.random() * len(values))]
+
+
+def _draw(problem: Problem, dealt: Iterable[tuple[str, Unit]], source: random.Random) -> Orders | None:
+    left: dict[str, Counter[str]] = {agent: Counter() for agent in problem.agents}
+    for agent, unit in dealt:
+        left[agent].update(unit.tasks)
+    orders: dict[str, list[str]] = {agent: [] for agent in problem.agents}
+    ledger = Ledger(problem)
+    while any(left.values()):
+        ready = {agent: tasks for agent in left if (tasks := _ready(ledger, agent, left[agent]))}
+        if not ready:
+            return None
+        agent = pick(list(ready), source)
+        task = pick(ready[agent], source)
+        ledger.do(agent, str(len(orders[agent])), task)
+        orders[agent].append(task)
+        left[agent] -= Counter([task])
+    return {agent: tuple(tasks) for agent, tasks in orders.items()}
+
+
+def _ready(ledger: Ledger, agent: str, left: Counter[str]) -> list[str]:
+    """Return each ready task as often as it is left."""
+    due = ledger.due(agent)
+    candidates = [due] if due else left
+    return [task for task in candidates if ledger.ready(agent, task) for _ in range(left[task])]

@@ -1,0 +1,1 @@
+"""Everything that produces events: recorder, executors, importers."""
