@@ -22,7 +22,10 @@ class Refused:
 
 
 def record_lines(
-    lines: Iterable[str], recorder: Recorder, on_event: Callable[[Event], None] = lambda _: None
+    lines: Iterable[str],
+    recorder: Recorder,
+    on_event: Callable[[Event], None] = lambda _: None,
+    on_refusal: Callable[[Refused], None] = lambda _: None,
 ) -> tuple[int, list[Refused]]:
     """Record one event per line: a JSON object with the fields of `TaskEvent`.
 
@@ -33,6 +36,7 @@ def record_lines(
         lines: text lines; empty ones are passed over.
         recorder: takes the events.
         on_event: called after each event has been written.
+        on_refusal: called for each line that is not recorded, at once.
 
     Returns:
         How many events were recorded, and the lines that were refused.
@@ -46,6 +50,7 @@ def record_lines(
             recorded = recorder.record(_event(parse_object(line), recorder))
         except (InvalidEventError, IllegalEventError) as error:
             refused.append(Refused(number, str(error)))
+            on_refusal(refused[-1])
             continue
         count += 1
         on_event(recorded)

@@ -1,0 +1,26 @@
+# Shortcuts; see CONTRIBUTING in docs/development.md.
+.PHONY: setup quick test lint format types ci samples
+
+setup:
+	python3 -m venv .venv && .venv/bin/pip install -e '.[all,test]'
+
+quick:
+	.venv/bin/pytest -q -m "not slow" -n 2
+
+test:
+	.venv/bin/pytest -n 2
+
+lint:
+	.venv/bin/ruff check . && .venv/bin/ruff format --check .
+
+format:
+	.venv/bin/ruff format . && .venv/bin/ruff check --fix .
+
+types:
+	.venv/bin/mypy
+
+ci:
+	.ci/run
+
+samples:
+	sample_logs/make.sh

@@ -1,0 +1,130 @@
+"""Put the steps together: logs in, frames, JSON and pictures out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from hrclog.analyzers.diagnostics import lint
+from hrclog.analyzers.durations import durations
+from hrclog.analyzers.intervals import rebuild
+from hrclog.analyzers.metrics import metrics, nested
+from hrclog.analyzers.overlaps import overlaps, pair_overlaps
+from hrclog.analyzers.runs import runs
+from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
+from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.diagnostic import Diagnostic
+from hrclog.errors import HrclogError
+from hrclog.log.reader import Logs, read_logs
+
+SCHEMA_VERSION: Final = 1
+DEFAULT_ESTIMATOR: Final = "ols"
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """What is known of a set of runs; the frames' columns are in `hrclog.analyzers.schemas`."""
+
+    events: pl.DataFrame
+    signals: pl.DataFrame
+    intervals: pl.DataFrame
+    overlaps: pl.DataFrame
+    pair_overlaps: pl.DataFrame
+    durations: pl.DataFrame
+    synergies: pl.DataFrame
+    runs: pl.DataFrame
+    metrics: pl.DataFrame
+    diagnostics: list[Diagnostic]
+    estimator: str
+    outliers: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""
+        of_run = nested(self.metrics)
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "estimator": self.estimator,
+            "outliers": self.outliers,
+            "runs": [row | {"metrics": of_run.get(row["run_id"], {})} for row in self.runs.iter_rows(named=True)],
+            "durations": self.durations.to_dicts(),
+            "synergies": self.synergies.to_dicts(),
+            "overlaps": self.pair_overlaps.to_dicts(),
+            "diagnostics": [diagnostic.as_dict() for diagnostic in self.diagnostics],
+        }
+
+    def to_json(self) -> str:
+        """Return `to_dict` as JSON text."""
+        return json.dumps(self.to_dict(), ensure_ascii=False, indent=2, allow_nan=False)
+
+    def to_rerun(self, path: str | Path) -> None:
+        """Write the campaign's recording: matrices, synergies, durations, tables, laid out."""
+        from hrclog.analyzers.figures import campaign_figures
+        from hrclog.analyzers.rerun import save_campaign
+
+        figures = campaign_figures(
+            self.intervals, self.pair_overlaps, self.durations, self.synergies, self.runs, self.diagnostics
+        )
+        save_campaign(figures, Path(path))
+
+    def run_to_rerun(self, run_id: str, path: str | Path) -> None:
+        """Write one run's recording: its timeline, safety, signals and events, laid out."""
+        from hrclog.analyzers.figures import run_figures
+        from hrclog.analyzers.rerun import save_run
+
+        run = self.runs.row(by_predicate=pl.col("run_id") == run_id, named=True)
+        of_run = (frame.filter(pl.col("run_id") == run_id) for frame in (self.intervals, self.events, self.signals))
+        save_run(run_figures(run, *of_run), Path(path))
+
+
+def analyze(
+    paths: str | Path | Iterable[str | Path],
+    estimator: str = DEFAULT_ESTIMATOR,
+    outliers: Outliers = "none",
+    on_file: Callable[[Path], None] = lambda _: None,
+) -> Analysis:
+    """Read logs, folders and globs, and analyse their runs.
+
+    Args:
+        paths: what to read.
+        estimator: ols or paper.
+        outliers: none or isolation-forest.
+        on_file: called after each file, for progress.
+
+    Raises:
+        HrclogError: the estimator or outlier method is not known.
+        LogReadError: nothing matched, or no file could be read.
+    """
+    _check_choice("estimator", estimator, ESTIMATORS)
+    _check_choice("outliers", outliers, OUTLIERS)
+    return analyze_logs(read_logs([paths] if isinstance(paths, str | Path) else paths, signals=True, on_file=on_file), estimator, outliers)
+
+
+def analyze_logs(logs: Logs, estimator: str = DEFAULT_ESTIMATOR, outliers: Outliers = "none") -> Analysis:
+    """Analyse what was read."""
+    executions, illegal = rebuild(logs.events)
+    found = overlaps(executions)
+    table = runs(logs.events, executions)
+    return Analysis(
+        events=logs.events,
+        signals=logs.signals,
+        intervals=executions,
+        overlaps=found,
+        pair_overlaps=pair_overlaps(executions, found),
+        durations=durations(executions),
+        synergies=ESTIMATORS[estimator](executions, outliers),
+        runs=table,
+        metrics=metrics(executions, logs.events, logs.signals),
+        diagnostics=[*logs.diagnostics, *illegal, *lint(logs.events, executions, found, table)],
+        estimator=estimator,
+        outliers=outliers,
+    )
+
+
+def _check_choice(what: str, found: str, known: Iterable[str]) -> None:
+    if found not in known:
+        raise HrclogError(f"{what} is {found!r}, expected one of {', '.join(known)}")

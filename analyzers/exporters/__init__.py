@@ -1,0 +1,1 @@
+"""Exporters: projections into other formats."""

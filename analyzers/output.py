@@ -1,0 +1,89 @@
+"""Write an analysis to a folder: JSON, Parquet and Rerun recordings."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from hrclog.analyzers.analysis import Analysis
+from hrclog.errors import OutputError
+
+JSON_NAME: Final = "analysis.json"
+RECORDING_NAME: Final = "analysis.rrd"
+RUNS_FOLDER: Final = "runs"
+TABLES: Final = ("events", "intervals", "overlaps", "durations", "synergies", "runs", "metrics")
+
+_UNSAFE: Final = re.compile(r"[^\w.+-]+")
+_LONGEST_NAME: Final = 100
+
+
+def save(analysis: Analysis, folder: Path, on_step: Callable[[], None] = lambda: None) -> None:
+    """Write JSON, tables, the campaign's recording and one recording per run.
+
+    Recordings that an earlier analysis left in the same folder and that this one does not write are removed.
+
+    Args:
+        analysis: what to write.
+        folder: made where it is missing.
+        on_step: called after each recording, for progress.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    names = recording_names(analysis.runs)
+    try:
+        (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
+        _remove_stale(folder, set(names.values()))
+        for table in TABLES:
+            frame: pl.DataFrame = getattr(analysis, table)
+            frame.write_parquet(folder / f"{table}.parquet")
+        analysis.to_rerun(folder / RECORDING_NAME)
+        on_step()
+        for run_id, name in names.items():
+            analysis.run_to_rerun(run_id, folder / RUNS_FOLDER / name)
+            on_step()
+        (folder / JSON_NAME).write_text(analysis.to_json() + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
+
+
+def check_writable(folder: Path) -> None:
+    """Raise before the work rather than after it, if a folder cannot take the results.
+
+    Raises:
+        OutputError: the folder cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".hrclog-probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(folder, f"cannot be written ({error.strerror or error})") from error
+
+
+def recording_names(runs: pl.DataFrame) -> dict[str, str]:
+    """Return run_id -> file name: the run's name, made safe, with a part of its id where two would be equal."""
+    clean = {run: _UNSAFE.sub("_", name).strip(".")[:_LONGEST_NAME] or "run" for run, name in runs.select("run_id", "name").iter_rows()}
+    folded = [name.casefold() for name in clean.values()]
+    return {
+        run: f"{name}.rrd" if folded.count(name.casefold()) == 1 else f"{name}-{_UNSAFE.sub('_', run)[:40]}.rrd"
+        for run, name in clean.items()
+    }
+
+
+def _remove_stale(folder: Path, current: set[str]) -> None:
+    """Remove the run recordings that the last analysis in this folder wrote, as its JSON says."""
+    try:
+        last = json.loads((folder / JSON_NAME).read_text(encoding="utf-8"))
+        rows = [(row["run_id"], row["name"]) for row in last["runs"]]
+        names = recording_names(pl.DataFrame(rows, schema={"run_id": pl.String, "name": pl.String}, orient="row"))
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    for name in set(names.values()) - current:
+        (folder / RUNS_FOLDER / name).unlink(missing_ok=True)

@@ -1,0 +1,61 @@
+"""Open recordings in the Rerun viewer, which comes with the rerun-sdk package."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from hrclog.errors import HrclogError, LogReadError
+
+MOST_RUNS: Final = 20
+"""How many run recordings a folder opens beside the campaign's."""
+
+
+def recordings_at(target: Path) -> list[Path] | None:
+    """Return the recordings that a target stands for, None where it is to be analysed first.
+
+    Args:
+        target: an .rrd, the folder of an analysis, a log or a folder of logs.
+
+    Raises:
+        LogReadError: there is nothing.
+    """
+    if not target.exists():
+        raise LogReadError(target, "nothing", "a log, an .rrd or the folder of an analysis", "check the path")
+    if target.suffix == ".rrd":
+        return [target]
+    if target.is_dir():
+        found = [*sorted(target.glob("*.rrd")), *sorted(target.glob("runs/*.rrd"))[:MOST_RUNS]]
+        return found or None
+    return None
+
+
+def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
+    """Open recordings in a window, or serve them to a browser, until the viewer is closed; return its exit code.
+
+    Raises:
+        HrclogError: there is no viewer, or no display to open a window on.
+    """
+    if importlib.util.find_spec("rerun_cli") is None:
+        raise HrclogError("found no Rerun viewer, expected the one of the rerun-sdk package; pip install rerun-sdk")
+    command = [sys.executable, "-m", "rerun_cli", *map(str, recordings)]
+    if web_port is not None:
+        command += ["--serve-web", "--web-viewer-port", str(web_port), "--bind", "127.0.0.1"]
+    elif not has_display():
+        first = recordings[0] if recordings else "the .rrd files"
+        raise HrclogError(
+            f"found no display, expected one to open a window on; use --web, or open {first} on a desktop machine"
+        )
+    return subprocess.run(command, check=False).returncode  # noqa: S603 - our own interpreter and the user's paths
+
+
+def has_display() -> bool:
+    """Return whether a window can be opened."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

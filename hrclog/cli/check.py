@@ -1,0 +1,39 @@
+"""`hrclog check`: damage and doubtful data."""
+
+from __future__ import annotations
+
+import click
+
+from hrclog.cli.common import EXIT_FAILED, Progress, json_option, logs_argument, print_json, tell
+
+
+@click.command(name="check")
+@logs_argument
+@click.option("--strict", is_flag=True, help="Exit 1 on warnings too.")
+@json_option
+def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Look for damage and doubtful data in logs; nothing is written.
+
+    Exit code: 0 all is there, 3 data was lost or cannot be used, with --strict 1 on warnings.
+
+    \b
+    Example:
+      hrclog check --strict runs/*.mcap
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.analysis import analyze_logs
+    from hrclog.log.reader import read_logs
+
+    reading = Progress("reading logs")
+    analysis = analyze_logs(read_logs(logs, on_file=reading))
+    reading.done()
+    findings = analysis.diagnostics
+    code = tell(findings, info=True)
+    counts = {severity: sum(f.severity == severity for f in findings) for severity in ("error", "warning", "info")}
+    if as_json:
+        print_json({"diagnostics": [finding.as_dict() for finding in findings], "counts": counts})
+    else:
+        click.echo(
+            f"{analysis.runs.height} runs, {analysis.events.height} events, {analysis.intervals.height} executions: "
+            f"{counts['error']} errors, {counts['warning']} warnings, {counts['info']} remarks"
+        )
+    return EXIT_FAILED if strict and not code and counts["warning"] else code

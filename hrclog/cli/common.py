@@ -1,0 +1,96 @@
+"""What the verbs share: arguments, progress, tables and how diagnostics are told."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+if TYPE_CHECKING:
+    from hrclog.diagnostic import Diagnostic
+
+EXIT_FINE: Final = 0
+EXIT_FAILED: Final = 1
+EXIT_DATA_LOST: Final = 3
+
+_SHOWN_PER_CODE: Final = 5
+_QUIET_SECONDS: Final = 1.0
+
+logs_argument = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=click.Path())
+json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
+
+
+class Progress:
+    """A line on standard error that appears when something takes longer than a second."""
+
+    def __init__(self, label: str, total: int | None = None) -> None:
+        self._label = label
+        self._total = total
+        self._count = 0
+        self._since = time.monotonic()
+        self._last = 0.0
+        self._shown = False
+
+    def __call__(self, *_: object) -> None:
+        """Count one step."""
+        self._count += 1
+        now = time.monotonic()
+        if sys.stderr.isatty() and now - self._since > _QUIET_SECONDS and now - self._last > 0.1:
+            self._last, self._shown = now, True
+            of_total = f"/{self._total}" if self._total else ""
+            click.echo(f"\r{self._label} {self._count}{of_total}", err=True, nl=False)
+
+    def done(self) -> None:
+        """Clear the line."""
+        if self._shown:
+            click.echo("\r\x1b[K", err=True, nl=False)
+
+
+def print_json(value: Any) -> None:  # noqa: ANN401 - anything that JSON can hold
+    """Print a value as JSON on standard output."""
+    click.echo(json.dumps(value, ensure_ascii=False, indent=2, allow_nan=False))
+
+
+def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
+    """Print findings on standard error, the first few of each kind, and return the exit code they ask for."""
+    from hrclog.diagnostic import loses_data
+
+    rank = {"error": 0, "warning": 1, "info": 2}
+    found = sorted(diagnostics, key=lambda diagnostic: rank[diagnostic.severity])
+    shown: Counter[str] = Counter()
+    for diagnostic in found:
+        if diagnostic.severity == "info" and not info:
+            continue
+        shown[diagnostic.code] += 1
+        if shown[diagnostic.code] <= _SHOWN_PER_CODE:
+            click.echo(printable(str(diagnostic)), err=True)
+    for code, count in shown.items():
+        if count > _SHOWN_PER_CODE:
+            click.echo(f"... and {count - _SHOWN_PER_CODE} more [{code}]", err=True)
+    return EXIT_DATA_LOST if loses_data(found) else EXIT_FINE
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]], numeric: Callable[[int], bool] = lambda i: i > 0) -> str:
+    """Return aligned columns; `numeric` says which to align right."""
+    lines = [tuple(header), *(tuple(printable(cell) for cell in row) for row in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
+    lines.insert(1, tuple("-" * width for width in widths))
+    return "\n".join(
+        "  ".join(cell.rjust(width) if numeric(i) else cell.ljust(width) for i, (cell, width) in enumerate(zip(line, widths, strict=True))).rstrip()
+        for line in lines
+    )
+
+
+def printable(text: str) -> str:
+    """Return a text without control characters: names in logs are not to be trusted with a terminal."""
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """Return a number for a table, n/a where there is none."""
+    return "n/a" if value is None else f"{value:.{digits}f}"

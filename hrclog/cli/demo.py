@@ -1,0 +1,39 @@
+"""`hrclog demo`: the sample runs, analysed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from hrclog.cli.common import Progress, json_option, tell
+
+
+@click.command(name="demo")
+@click.option("-o", "--output", default="hrclog-out/demo", show_default=True, type=click.Path(path_type=Path), help="Folder for the results.")
+@json_option
+def command(output: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Analyse the sample runs that come with hrclog, and say where the pictures are.
+
+    \b
+    Example:
+      hrclog demo
+    """  # noqa: D301 - click's \b keeps the line breaks
+    import hrclog.sample_logs as samples
+    from hrclog.analyzers.analysis import analyze
+    from hrclog.analyzers.output import check_writable, save
+    from hrclog.cli.analyze import summary
+
+    check_writable(output)
+    campaign = Path(samples.__file__).parent / "campaign"
+    analysis = analyze([campaign])
+    drawing = Progress("drawing runs", analysis.runs.height + 1)
+    save(analysis, output, drawing)
+    drawing.done()
+    if as_json:
+        click.echo(analysis.to_json())
+    else:
+        click.echo(summary(analysis, output))
+        click.echo(f"\nThe pictures: {output / 'analysis.rrd'} (all runs) and {output / 'runs'} (one each)")
+        click.echo(f"Your own runs: hrclog record, hrclog import or hrclog sim, then hrclog analyze LOG...\nThe samples: {campaign.parent}")
+    return tell(analysis.diagnostics)

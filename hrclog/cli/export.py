@@ -1,0 +1,43 @@
+"""`hrclog export`: the projections as plain tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
+
+TABLES = ("events", "intervals", "overlaps", "durations", "synergies", "runs", "metrics", "signals")
+
+
+@click.command(name="export")
+@logs_argument
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder for the tables.")
+@click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), default="csv", show_default=True, help="File format.")
+@click.option("--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]")
+@json_option
+def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, ...], as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Write events, intervals, overlaps, durations, synergies, runs, metrics and signals as CSV or Parquet.
+
+    Instants are whole nanoseconds, durations seconds. The columns are described in docs/tables.md.
+
+    \b
+    Example:
+      hrclog export runs/*.mcap -o tables --format csv --table intervals
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.analysis import analyze
+    from hrclog.analyzers.exporters.tables import write_table
+    from hrclog.analyzers.output import check_writable
+
+    check_writable(output)
+    reading = Progress("reading logs")
+    analysis = analyze(logs, on_file=reading)
+    reading.done()
+    written = [write_table(getattr(analysis, name), output / f"{name}.{kind}") for name in tables or TABLES]
+    if as_json:
+        print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
+    else:
+        for path, rows in written:
+            click.echo(f"{path}: {rows} rows")
+    return tell(analysis.diagnostics)

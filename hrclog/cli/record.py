@@ -1,0 +1,75 @@
+"""`hrclog record`: events from any program, as JSON lines on standard input."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+import click
+
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, json_option, print_json, printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hrclog.events import Event
+
+
+class _Stop(Exception):  # noqa: N818 - a request, not an error
+    """A signal asked to stop."""
+
+
+@click.command(name="record")
+@click.argument("path", metavar="OUT.mcap", type=click.Path(path_type=Path))
+@click.option("--run", default="", help="Name of the run.  [default: the file's name]")
+@click.option("--resume", is_flag=True, help="Continue the run at OUT.mcap in a further segment.")
+@click.option("--fsync", is_flag=True, help="Each event also survives a crash of the operating system.")
+@click.option("--ack", is_flag=True, help="Print seq and execution_id of each event once it is safe.")
+@json_option
+def command(path: Path, run: str, resume: bool, fsync: bool, ack: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Record a run from JSON lines on standard input, until it closes.
+
+    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names. `time_ns` defaults to now; a
+    task_ended without `execution_id` ends the open execution of that agent and task. A line that cannot be recorded is
+    reported with its number, and the rest goes on (exit code 3).
+
+    \b
+    Example:
+      echo '{"kind": "task_started", "agent": "robot", "task": "pick"}' | hrclog record run.mcap
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.recorders.recorder import Recorder
+    from hrclog.recorders.stdin import Refused, record_lines
+
+    signal.signal(signal.SIGTERM, _stop)
+    count, refused = 0, 0
+
+    def lines() -> Iterator[str]:
+        try:
+            yield from sys.stdin
+        except (_Stop, KeyboardInterrupt):
+            return
+
+    def accepted(event: Event) -> None:
+        if ack:
+            click.echo(f'{{"seq": {event.seq}, "execution_id": "{getattr(event, "execution_id", "")}"}}')
+            sys.stdout.flush()
+
+    def refuse(line: Refused) -> None:
+        click.echo(printable(f"error: line {line.line}: {line.reason}"), err=True)
+
+    recorder = Recorder(path, run, resume=resume, fsync=fsync)
+    with recorder:
+        count, problems = record_lines(lines(), recorder, accepted, refuse)
+        refused = len(problems)
+    if as_json:
+        print_json({"path": str(recorder.path), "run_id": recorder.run_id, "n_events": count, "n_refused": refused})
+    else:
+        click.echo(f"{recorder.path}: {count} events recorded, {refused} lines refused", err=True)
+    return EXIT_DATA_LOST if refused else EXIT_FINE
+
+
+def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the form of a signal handler
+    raise _Stop

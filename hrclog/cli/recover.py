@@ -1,0 +1,62 @@
+"""`hrclog recover`: close what a killed recorder left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, json_option, print_json
+
+
+@click.command(name="recover")
+@click.argument("journals", nargs=-1, required=True, metavar="LOG...", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The finished log, for a single LOG.")
+@json_option
+def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Close logs whose recorder was killed: every event that can be read, nothing invented.
+
+    NAME.mcap.partial becomes NAME.mcap. Of a damaged log a NAME.recovered.mcap is written beside it. Folders mean the
+    journals in them.
+
+    \b
+    Example:
+      hrclog recover run.mcap.partial
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.errors import HrclogError
+    from hrclog.log.recover import Recovered, recover
+
+    sources = [source for journal in journals for source in _sources(journal)]
+    if output and len(sources) != 1:
+        raise click.UsageError(f"-o goes with one log, found {len(sources)}")
+    if not sources:
+        click.echo("no journals (*.mcap.partial) to recover")
+    done: list[Recovered] = []
+    failures: list[str] = []
+    for source in sources:
+        try:
+            done.append(recover(source, output))
+        except HrclogError as error:
+            failures.append(str(error))
+    for failure in failures:
+        click.echo(f"error: {failure}", err=True)
+    for result in done:
+        for problem in result.problems:
+            click.echo(f"error: {result.source} (byte {problem.offset}): {problem.message} [{problem.code}]", err=True)
+    if as_json:
+        print_json(
+            {
+                "recovered": [{"source": str(r.source), "path": str(r.path), "n_messages": r.n_messages, "n_problems": len(r.problems)} for r in done],
+                "failures": failures,
+            }
+        )
+    else:
+        for result in done:
+            click.echo(f"{result.source} -> {result.path}: {result.n_messages} messages")
+    if sources and not done:
+        return EXIT_FAILED
+    return EXIT_DATA_LOST if failures or any(result.problems for result in done) else EXIT_FINE
+
+
+def _sources(path: Path) -> list[Path]:
+    return sorted(path.glob("*.mcap.partial")) if path.is_dir() else [path]

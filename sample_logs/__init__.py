@@ -1,0 +1,1 @@
+"""Small real logs, see README.md beside this file."""
