@@ -75,13 +75,18 @@ def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
     return EXIT_DATA_LOST if loses_data(found) else EXIT_FINE
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]], numeric: Callable[[int], bool] = lambda i: i > 0) -> str:
+def table(
+    header: Sequence[str], rows: Iterable[Sequence[str]], numeric: Callable[[int], bool] = lambda i: i > 0
+) -> str:
     """Return aligned columns; `numeric` says which to align right."""
     lines = [tuple(header), *(tuple(printable(cell) for cell in row) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
     lines.insert(1, tuple("-" * width for width in widths))
     return "\n".join(
-        "  ".join(cell.rjust(width) if numeric(i) else cell.ljust(width) for i, (cell, width) in enumerate(zip(line, widths, strict=True))).rstrip()
+        "  ".join(
+            cell.rjust(width) if numeric(i) else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
         for line in lines
     )
 

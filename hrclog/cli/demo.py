@@ -10,7 +10,14 @@ from hrclog.cli.common import Progress, json_option, tell
 
 
 @click.command(name="demo")
-@click.option("-o", "--output", default="hrclog-out/demo", show_default=True, type=click.Path(path_type=Path), help="Folder for the results.")
+@click.option(
+    "-o",
+    "--output",
+    default="hrclog-out/demo",
+    show_default=True,
+    type=click.Path(path_type=Path),
+    help="Folder for the results.",
+)
 @json_option
 def command(output: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
     """Analyse the sample runs that come with hrclog, and say where the pictures are.
@@ -22,7 +29,7 @@ def command(output: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes 
     import hrclog.sample_logs as samples
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.output import check_writable, save
-    from hrclog.cli.analyze import summary
+    from hrclog.cli.summary import summary
 
     check_writable(output)
     campaign = Path(samples.__file__).parent / "campaign"
@@ -35,5 +42,6 @@ def command(output: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes 
     else:
         click.echo(summary(analysis, output))
         click.echo(f"\nThe pictures: {output / 'analysis.rrd'} (all runs) and {output / 'runs'} (one each)")
-        click.echo(f"Your own runs: hrclog record, hrclog import or hrclog sim, then hrclog analyze LOG...\nThe samples: {campaign.parent}")
+        click.echo(f"The samples: {campaign.parent}")
+        click.echo("Your own runs: hrclog record, hrclog import or hrclog sim, then hrclog analyze LOG...")
     return tell(analysis.diagnostics)

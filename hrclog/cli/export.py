@@ -14,8 +14,12 @@ TABLES = ("events", "intervals", "overlaps", "durations", "synergies", "runs", "
 @click.command(name="export")
 @logs_argument
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder for the tables.")
-@click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), default="csv", show_default=True, help="File format.")
-@click.option("--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]")
+@click.option(
+    "--format", "kind", type=click.Choice(["csv", "parquet"]), default="csv", show_default=True, help="File format."
+)
+@click.option(
+    "--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]"
+)
 @json_option
 def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, ...], as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
     """Write events, intervals, overlaps, durations, synergies, runs, metrics and signals as CSV or Parquet.

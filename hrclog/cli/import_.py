@@ -17,7 +17,9 @@ def command() -> None:
 @command.command(name="mongo")
 @click.argument("sources", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder for the logs.")
-@click.option("--report-gaps", is_flag=True, help="Report gaps in the numbering of the recipes: attempts deleted upstream.")
+@click.option(
+    "--report-gaps", is_flag=True, help="Report gaps in the numbering of the recipes: attempts deleted upstream."
+)
 @json_option
 def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
     """Import task_results dumps of the paper authors' stack, one log per recipe.
@@ -43,7 +45,9 @@ def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: b
                 "n_executions": result.n_executions,
                 "written": [str(path) for path in result.written],
                 "unchanged": [str(path) for path in result.unchanged],
-                "gaps": [{"prefix": gap.prefix, "n_attempts": gap.n_attempts, "n_missing": gap.n_missing} for gap in gaps]
+                "gaps": [
+                    {"prefix": gap.prefix, "n_attempts": gap.n_attempts, "n_missing": gap.n_missing} for gap in gaps
+                ]
                 if report_gaps
                 else None,
                 "diagnostics": [finding.as_dict() for finding in result.diagnostics],
@@ -55,6 +59,12 @@ def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: b
             f"{len(result.written)} logs written to {output}, {len(result.unchanged)} there already"
         )
         if report_gaps:
-            click.echo(f"{missing} of {attempts} attempts are missing from the numbering (deleted upstream, probably failed):")
-            click.echo(table(("planner", "missing", "attempts"), [(g.prefix, str(g.n_missing), str(g.n_attempts)) for g in gaps]))
+            click.echo(
+                f"{missing} of {attempts} attempts are missing from the numbering (deleted upstream, probably failed):"
+            )
+            click.echo(
+                table(
+                    ("planner", "missing", "attempts"), [(g.prefix, str(g.n_missing), str(g.n_attempts)) for g in gaps]
+                )
+            )
     return tell(result.diagnostics)

@@ -59,7 +59,11 @@ def _runs(read: Logs) -> list[dict[str, Any]]:
         pl.len().alias("n_events"), pl.col("time_ns").min().alias("first_ns"), pl.col("time_ns").max().alias("last_ns")
     )
     samples = read.signals.group_by("run_id").agg(pl.len().alias("n_signal_samples"))
-    rows = runs(read.events, intervals(read.events)).join(events, on="run_id", how="left").join(samples, on="run_id", how="left")
+    rows = (
+        runs(read.events, intervals(read.events))
+        .join(events, on="run_id", how="left")
+        .join(samples, on="run_id", how="left")
+    )
     return rows.with_columns(pl.col("n_signal_samples").fill_null(0)).to_dicts()
 
 
@@ -74,7 +78,9 @@ def _run_table(runs: list[dict[str, Any]]) -> str:
     rows = [
         (
             row["name"],
-            datetime.fromtimestamp(row["first_ns"] / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S") if _is_date(row["first_ns"]) else str(row["first_ns"]),
+            datetime.fromtimestamp(row["first_ns"] / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+            if _is_date(row["first_ns"])
+            else str(row["first_ns"]),
             ", ".join(row["agents"]),
             str(row["n_executions"]),
             str(row["n_failed"]),

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, json_option, print_json
+
+if TYPE_CHECKING:
+    from hrclog.log.recover import Recovered
 
 
 @click.command(name="recover")
@@ -23,14 +27,31 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
     Example:
       hrclog recover run.mcap.partial
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.errors import HrclogError
-    from hrclog.log.recover import Recovered, recover
-
     sources = [source for journal in journals for source in _sources(journal)]
     if output and len(sources) != 1:
         raise click.UsageError(f"-o goes with one log, found {len(sources)}")
     if not sources:
         click.echo("no journals (*.mcap.partial) to recover")
+    done, failures = _recover_all(sources, output)
+    for failure in failures:
+        click.echo(f"error: {failure}", err=True)
+    for result in done:
+        for problem in result.problems:
+            click.echo(f"error: {result.source} (byte {problem.offset}): {problem.message} [{problem.code}]", err=True)
+    if as_json:
+        print_json({"recovered": [_as_dict(result) for result in done], "failures": failures})
+    else:
+        for result in done:
+            click.echo(f"{result.source} -> {result.path}: {result.n_messages} messages")
+    if sources and not done:
+        return EXIT_FAILED
+    return EXIT_DATA_LOST if failures or any(result.problems for result in done) else EXIT_FINE
+
+
+def _recover_all(sources: list[Path], output: Path | None) -> tuple[list[Recovered], list[str]]:
+    from hrclog.errors import HrclogError
+    from hrclog.log.recover import recover
+
     done: list[Recovered] = []
     failures: list[str] = []
     for source in sources:
@@ -38,24 +59,16 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
             done.append(recover(source, output))
         except HrclogError as error:
             failures.append(str(error))
-    for failure in failures:
-        click.echo(f"error: {failure}", err=True)
-    for result in done:
-        for problem in result.problems:
-            click.echo(f"error: {result.source} (byte {problem.offset}): {problem.message} [{problem.code}]", err=True)
-    if as_json:
-        print_json(
-            {
-                "recovered": [{"source": str(r.source), "path": str(r.path), "n_messages": r.n_messages, "n_problems": len(r.problems)} for r in done],
-                "failures": failures,
-            }
-        )
-    else:
-        for result in done:
-            click.echo(f"{result.source} -> {result.path}: {result.n_messages} messages")
-    if sources and not done:
-        return EXIT_FAILED
-    return EXIT_DATA_LOST if failures or any(result.problems for result in done) else EXIT_FINE
+    return done, failures
+
+
+def _as_dict(result: Recovered) -> dict[str, Any]:
+    return {
+        "source": str(result.source),
+        "path": str(result.path),
+        "n_messages": result.n_messages,
+        "n_problems": len(result.problems),
+    }
 
 
 def _sources(path: Path) -> list[Path]:

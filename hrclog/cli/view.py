@@ -14,7 +14,9 @@ from hrclog.cli.common import EXIT_FAILED, EXIT_FINE
 @click.argument("target", metavar="LOG|RRD|FOLDER", type=click.Path(path_type=Path))
 @click.option("--web", is_flag=True, help="Serve the viewer to a browser instead of opening a window.")
 @click.option("--port", default=9090, show_default=True, help="Port of the web viewer.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Where to analyse a log.  [default: a temporary folder]")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Where to analyse a log.  [default: a temporary folder]"
+)
 def command(target: Path, web: bool, port: int, output: Path | None) -> int:  # noqa: FBT001 - click passes flags by name
     """Open a log (analysing it first), an .rrd or the folder of an analysis in the Rerun viewer.
 

@@ -1,0 +1,91 @@
+"""The tables that a person reads first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import mean, stdev
+from typing import TYPE_CHECKING
+
+from hrclog.cli.common import number, printable, table
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.analysis import Analysis
+
+_MOST_ROWS = 40
+
+
+def summary(analysis: Analysis, output: Path) -> str:
+    """Return the tables that a person reads first."""
+    parts = [_headline(analysis), _durations(analysis), _synergies(analysis)]
+    parts.append(
+        f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd\nLook at it: hrclog view {output}"
+    )
+    return "\n\n".join(part for part in parts if part)
+
+
+def _headline(analysis: Analysis) -> str:
+    runs = analysis.runs
+    agents = ", ".join(runs["agents"].explode(empty_as_null=False).unique().sort()) or "none"
+    text = f"{runs.height} runs, {analysis.intervals.height} executions, agents: {printable(agents)}"
+    return f"{text}\n{makespan(runs['makespan_s'].drop_nulls().to_list())}".rstrip()
+
+
+def makespan(seconds: list[float]) -> str:
+    """Return mean, spread and count of makespans as a sentence."""
+    if len(seconds) > 1:
+        spread = f"+- {stdev(seconds):.1f} (sample standard deviation, n = {len(seconds)})"
+        return f"makespan {mean(seconds):.1f} s {spread}"
+    return f"makespan {seconds[0]:.1f} s (n = 1)" if seconds else ""
+
+
+def _durations(analysis: Analysis) -> str:
+    if analysis.durations.is_empty():
+        return ""
+    rows = [
+        (
+            row["agent"],
+            row["task"],
+            number(row["mean_s"]),
+            number(row["std_s"]),
+            number(row["median_s"]),
+            number(row["min_s"]),
+            number(row["max_s"]),
+            str(row["count"]),
+            str(row["n_failed"]),
+            str(row["n_censored"]),
+        )
+        for row in analysis.durations.head(_MOST_ROWS).iter_rows(named=True)
+    ]
+    header = ("agent", "task", "mean", "std", "median", "min", "max", "n", "failed", "open")
+    return (
+        "Durations in s (of executions that succeeded)\n"
+        + table(header, rows, lambda i: i > 1)
+        + _more(analysis.durations.height)
+    )
+
+
+def _synergies(analysis: Analysis) -> str:
+    if analysis.synergies.is_empty():
+        return ""
+    seen = analysis.synergies.filter(analysis.synergies["n"] > 0)
+    rows = [
+        (
+            f"{row['agent']}: {row['task']}",
+            f"{row['other_agent']}: {row['other_task']}",
+            number(row["synergy"]),
+            f"[{number(row['ci_low'])}, {number(row['ci_high'])}]",
+            str(row["n"]),
+            number(row["overlap_s"], 1),
+            row["status"],
+        )
+        for row in seen.head(_MOST_ROWS).iter_rows(named=True)
+    ]
+    unobserved = analysis.synergies.height - seen.height
+    title = f"Synergies by {analysis.estimator}: factor on a task's duration while another's task runs (> 1 is slower)"
+    note = f"\n{unobserved} pairs of tasks never overlapped: not observed" if unobserved else ""
+    header = ("task", "while", "factor", "95 % interval", "n", "overlap s", "status")
+    return f"{title}\n{table(header, rows, lambda i: 1 < i < 6)}{_more(seen.height)}{note}"
+
+
+def _more(height: int) -> str:
+    return f"\n... and {height - _MOST_ROWS} more rows, see analysis.json" if height > _MOST_ROWS else ""

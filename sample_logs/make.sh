@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Make the sample logs anew, in the folder given or in this one. The same hrclog makes the same events.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+out=${1:-$here}
+hrclog=${HRCLOG:-hrclog}
+python=${PYTHON:-python}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+rm -rf "$out"/campaign "$out"/*.mcap "$out"/*.partial
+"$hrclog" sim --scenario paper --runs 12 --seed 1 -o "$out/campaign"
+for sample in "single paper 7" "failures failures 3" "three_agents three-agents 5"; do
+  read -r name scenario seed <<<"$sample"
+  "$hrclog" sim --scenario "$scenario" --runs 1 --seed "$seed" -o "$work/$name"
+  mv "$work/$name"/*.mcap "$out/$name.mcap"
+done
+"$python" "$here/killed.py" "$out/killed.mcap"
