@@ -22,6 +22,34 @@ class _Stop(Exception):  # noqa: N818 - a request, not an error
     """A signal asked to stop."""
 
 
+class _Input:
+    """The lines of standard input until it closes or SIGTERM or SIGINT asks to stop; no line is cut in two."""
+
+    def __init__(self) -> None:
+        self._waiting = False
+        self._stopped = False
+        signal.signal(signal.SIGTERM, self._stop)
+        signal.signal(signal.SIGINT, self._stop)
+
+    def __iter__(self) -> Iterator[str]:
+        while line := self._next():
+            yield line
+
+    def _next(self) -> str:
+        try:
+            self._waiting = True
+            return "" if self._stopped else sys.stdin.readline()
+        except _Stop:
+            return ""
+        finally:
+            self._waiting = False
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the form of a signal handler
+        self._stopped = True
+        if self._waiting:  # elsewhere an event is being written, which must not be interrupted
+            raise _Stop
+
+
 @click.command(name="record")
 @click.argument("path", metavar="OUT.mcap", type=click.Path(path_type=Path))
 @click.option("--run", default="", help="Name of the run.  [default: the file's name]")
@@ -43,15 +71,6 @@ def command(path: Path, run: str, resume: bool, fsync: bool, ack: bool, as_json:
     from hrclog.recorders.recorder import Recorder
     from hrclog.recorders.stdin import Refused, record_lines
 
-    signal.signal(signal.SIGTERM, _stop)
-    count, refused = 0, 0
-
-    def lines() -> Iterator[str]:
-        try:
-            yield from sys.stdin
-        except (_Stop, KeyboardInterrupt):
-            return
-
     def accepted(event: Event) -> None:
         if ack:
             click.echo(f'{{"seq": {event.seq}, "execution_id": "{getattr(event, "execution_id", "")}"}}')
@@ -62,14 +81,10 @@ def command(path: Path, run: str, resume: bool, fsync: bool, ack: bool, as_json:
 
     recorder = Recorder(path, run, resume=resume, fsync=fsync)
     with recorder:
-        count, problems = record_lines(lines(), recorder, accepted, refuse)
+        count, problems = record_lines(_Input(), recorder, accepted, refuse)
         refused = len(problems)
     if as_json:
         print_json({"path": str(recorder.path), "run_id": recorder.run_id, "n_events": count, "n_refused": refused})
     else:
         click.echo(f"{recorder.path}: {count} events recorded, {refused} lines refused", err=True)
     return EXIT_DATA_LOST if refused else EXIT_FINE
-
-
-def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - the form of a signal handler
-    raise _Stop

@@ -1,0 +1,199 @@
+"""The other verbs, and what all verbs share."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from hrclog.cli import VERBS
+
+Run = Callable[..., Any]
+
+HRCLOG = [sys.executable, "-m", "hrclog"]
+
+
+@pytest.mark.parametrize("verb", sorted(VERBS))
+def test_every_verb_has_help_with_an_example(run: Run, verb: str) -> None:
+    result = run(verb, "--help")
+    assert result.code == 0
+    assert "Example:" in result.out or "Commands:" in result.out
+
+
+def test_usage_errors_exit_2(run: Run) -> None:
+    assert run("analyze").code == 2
+    assert run("nonsense").code == 2
+    assert run("analyze", "x", "--estimator", "nonsense").code == 2
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys; from hrclog.cli import main; main(['--help']); print({m.split('.')[0] for m in sys.modules})"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    modules = out.splitlines()[-1]
+    for heavy in ("numpy", "polars", "rerun", "sklearn", "scipy", "pyarrow", "mcap"):
+        assert f"'{heavy}'" not in modules
+
+
+def test_importing_hrclog_imports_nothing_heavy() -> None:
+    code = "import sys, hrclog; print(sorted({m.split('.')[0] for m in sys.modules}))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert "'polars'" not in out
+    assert "'numpy'" not in out
+
+
+def test_every_public_name_is_there() -> None:
+    import hrclog
+
+    for name in hrclog.__all__:
+        assert getattr(hrclog, name) is not None
+    with pytest.raises(AttributeError, match="nothing_such"):
+        _ = hrclog.nothing_such
+
+
+def test_info_counts_events_and_executions(run: Run, samples: Path) -> None:
+    document = run("info", samples / "single.mcap", samples / "failures.mcap", "--json").json()
+    assert [row["finished"] for row in document["files"]] == [True, True]
+    assert {row["name"]: row["n_executions"] for row in document["runs"]} == {"paper_0000": 24, "failures_0000": 25}
+
+
+def test_check_strict_fails_on_warnings_only_when_asked(run: Run, samples: Path) -> None:
+    assert run("check", samples / "campaign").code == 0
+    assert run("check", samples / "campaign", "--strict").code == 1
+    assert run("check", samples / "single.mcap", "--strict").code == 0
+    assert run("check", samples / "killed.mcap.partial").code == 3
+
+
+def test_recover_closes_a_killed_log_and_says_what_was_lost(run: Run, samples: Path, tmp_path: Path) -> None:
+    journal = tmp_path / "killed.mcap.partial"
+    journal.write_bytes((samples / "killed.mcap.partial").read_bytes())
+    before = run("info", journal, "--json").json()["files"][0]["n_events"]
+    assert run("recover", tmp_path).code == 3
+    assert not journal.exists()
+    result = run("info", tmp_path / "killed.mcap", "--json")
+    assert result.code == 0
+    assert result.json()["files"][0] == {
+        "path": str(tmp_path / "killed.mcap"),
+        "bytes": (tmp_path / "killed.mcap").stat().st_size,
+        "n_events": before,
+        "finished": True,
+    }
+    assert run("recover", tmp_path).code == 0
+
+
+def test_recover_of_no_log_fails(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "x.mcap.partial").write_text("nonsense")
+    assert run("recover", tmp_path / "x.mcap.partial").code == 1
+    assert run("recover", tmp_path / "missing.mcap.partial").code == 1
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_export_writes_all_tables(run: Run, samples: Path, tmp_path: Path, kind: str) -> None:
+    result = run("export", samples / "campaign", "-o", tmp_path, "--format", kind, "--json")
+    assert result.code == 0
+    for row in result.json()["written"]:
+        path = Path(row["path"])
+        frame = pl.read_csv(path) if kind == "csv" else pl.read_parquet(path)
+        assert frame.height == row["rows"]
+    assert {path.stem for path in tmp_path.iterdir()} >= {"events", "intervals", "overlaps"}
+
+
+def test_record_takes_json_lines_and_reports_bad_ones(tmp_path: Path, run: Run) -> None:
+    lines = [
+        '{"kind": "task_started", "agent": "robot", "task": "pick"}',
+        "nonsense",
+        '{"kind": "task_ended", "agent": "robot", "task": "place"}',
+        '{"kind": "task_ended", "agent": "robot", "task": "pick", "outcome": "failed", "reason": "dropped"}',
+    ]
+    done = subprocess.run(
+        [*HRCLOG, "record", str(tmp_path / "run.mcap"), "--run", "by hand", "--ack"],
+        input="\n".join(lines), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 3
+    assert "line 2" in done.stderr
+    assert "line 3" in done.stderr
+    assert [json.loads(line)["seq"] for line in done.stdout.splitlines()] == [1, 2]
+    runs = run("info", tmp_path / "run.mcap", "--json").json()["runs"]
+    assert [(row["name"], row["n_executions"], row["n_failed"]) for row in runs] == [("by hand", 1, 1)]
+
+
+def test_record_finishes_its_log_when_it_is_asked_to_stop(tmp_path: Path, run: Run) -> None:
+    process = subprocess.Popen(
+        [*HRCLOG, "record", str(tmp_path / "run.mcap"), "--ack"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write('{"kind": "task_started", "agent": "robot", "task": "pick"}\n')
+    process.stdin.flush()
+    process.stdout.readline()
+    process.terminate()
+    assert process.wait(20) == 0
+    process.stdin.close()
+    process.stdout.close()
+    assert run("info", tmp_path / "run.mcap", "--json").json()["runs"][0]["n_open"] == 1
+
+
+def test_record_refuses_to_overwrite(run: Run, samples: Path, tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes((samples / "single.mcap").read_bytes())
+    result = run("record", tmp_path / "run.mcap")
+    assert result.code == 1
+    assert "not overwriting" in result.err
+
+
+def test_import_reports_gaps(run: Run, data_dir: Path, tmp_path: Path) -> None:
+    source = data_dir / "safety_areas" / "task_results_online.json"
+    result = run("import", "mongo", source, "-o", tmp_path / "B", "--report-gaps", "--json")
+    document = result.json()
+    assert (document["n_runs"], document["n_executions"]) == (200, 4800)
+    assert sum(gap["n_missing"] for gap in document["gaps"]) == 27
+    assert sum(gap["n_attempts"] for gap in document["gaps"]) == 227
+
+
+def test_import_of_anything_else_is_one_clear_sentence(run: Run, tmp_path: Path, samples: Path) -> None:
+    (tmp_path / "x.json").write_text("{not json")
+    for source in (tmp_path / "x.json", tmp_path / "missing.json", samples / "single.mcap"):
+        result = run("import", "mongo", source, "-o", tmp_path / "out")
+        assert result.code == 1
+        assert str(source) in result.err
+
+
+def test_demo_says_where_the_pictures_are(run: Run, tmp_path: Path) -> None:
+    result = run("demo", "-o", tmp_path)
+    assert result.code == 0
+    assert str(tmp_path / "analysis.rrd") in result.out
+    assert (tmp_path / "analysis.rrd").exists()
+
+
+def test_view_without_a_display_is_one_clear_sentence(
+    run: Run, samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    result = run("view", samples / "single.mcap", "-o", tmp_path)
+    assert result.code == 1
+    assert "display" in result.err
+    assert "Traceback" not in result.err
+    assert run("view", tmp_path / "nothing").code == 1
+
+
+def test_an_rrd_given_to_analyze_is_one_clear_sentence(run: Run, samples: Path, tmp_path: Path) -> None:
+    run("analyze", samples / "single.mcap", "-o", tmp_path)
+    result = run("analyze", tmp_path / "analysis.rrd", "-o", tmp_path / "out")
+    assert result.code == 1
+    assert "hrclog view" in result.err
+
+
+def test_shell_completion_is_offered() -> None:
+    environment = os.environ | {"_HRCLOG_COMPLETE": "bash_complete", "COMP_WORDS": "hrclog ana", "COMP_CWORD": "1"}
+    code = "import sys; from hrclog.cli import main; sys.exit(main())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    assert "analyze" in done.stdout

@@ -1,0 +1,122 @@
+"""Every command and example in the README and in docs/ is run, and the pages name everything there is."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from hrclog.analyzers import schemas
+from hrclog.cli import VERBS
+from hrclog.diagnostic import CODES
+from hrclog.events import COLUMNS, EVENT_CLASSES
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "sample_logs" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+EXITS = re.compile(r"\s+# exits (\d+).*$")
+
+
+@dataclass(frozen=True)
+class Step:
+    """A command of a page, and the output that the page shows."""
+
+    command: str
+    code: int
+    output: list[str]
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    return FENCE.findall(page.read_text(encoding="utf-8"))
+
+
+def steps(block: str) -> list[Step]:
+    found: list[Step] = []
+    for line in block.splitlines():
+        if line.startswith("$ "):
+            exits = EXITS.search(line)
+            found.append(Step(EXITS.sub("", line[2:]), int(exits[1]) if exits else 0, []))
+        elif found:
+            found[-1].output.append(line)
+    return found
+
+
+def matches(shown: list[str], printed: list[str]) -> bool:
+    """Return whether the printed lines are as shown; `...` stands for any number of lines."""
+    text = "\n".join(line.rstrip() for line in shown).strip()
+    pattern = re.escape(text).replace(r"\.\.\.", ".*?")
+    return re.fullmatch(pattern, "\n".join(line.rstrip() for line in printed).strip(), re.DOTALL) is not None
+
+
+@pytest.fixture
+def workplace(tmp_path: Path) -> Path:
+    """Return a folder with the sample logs, as somebody who reads the page would have it."""
+    shutil.copytree(ROOT / "sample_logs", tmp_path / "sample_logs")
+    return tmp_path
+
+
+def environment() -> dict[str, str]:
+    return os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "110"}
+
+
+def execute(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    streams = {"capture_output": True, "text": True, "stdin": subprocess.DEVNULL}
+    return subprocess.run(command, cwd=folder, env=environment(), check=False, **streams)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_console_example_runs_and_prints_what_the_page_shows(page: Path, workplace: Path) -> None:
+    folder = workplace / "sample_logs" if page.parent.name == "sample_logs" else workplace
+    for language, block in blocks(page):
+        if language == "console":
+            for step in steps(block):
+                done = execute(["bash", "-c", step.command], folder)
+                assert done.returncode == step.code, f"{page.name}: {step.command}\n{done.stdout}{done.stderr}"
+                if any(line.strip() for line in step.output):
+                    assert matches(step.output, done.stdout.splitlines()), f"{step.command}\n{done.stdout}"
+        elif language == "python":
+            (folder / "example.py").write_text(block, encoding="utf-8")
+            done = execute([sys.executable, "-W", "error", "example.py"], folder)
+            assert done.returncode == 0, f"{page.name}:\n{block}\n{done.stderr}"
+
+
+def test_the_two_commands_of_the_readme_are_what_ci_runs() -> None:
+    readme, ci = (ROOT / "README.md").read_text(), (ROOT / ".ci" / "run").read_text()
+    setup = "python3 -m venv .venv && .venv/bin/pip install -e '.[all]' && .venv/bin/hrclog demo"
+    tests = "python3 -m venv .venv && .venv/bin/pip install -e '.[all,test]' && .venv/bin/pytest"
+    assert setup in readme
+    assert tests in readme
+    assert setup.replace("install -e", "install -q -e") in ci
+    assert "install -q -e '.[all,test]'" in ci
+
+
+def test_pages_name_every_event_column_and_table_column() -> None:
+    events = (ROOT / "docs" / "events.md").read_text()
+    for name in (*EVENT_CLASSES, *COLUMNS):
+        assert name == "kind" or f"`{name}`" in events, name
+    tables = (ROOT / "docs" / "tables.md").read_text()
+    for schema in ("INTERVALS", "OVERLAPS", "PAIR_OVERLAPS", "DURATIONS", "SYNERGIES", "RUNS", "METRICS", "SIGNALS"):
+        for name in getattr(schemas, schema):
+            assert f"| `{name}` |" in tables, name
+
+
+def test_pages_name_every_diagnostic_and_every_verb() -> None:
+    diagnostics = (ROOT / "docs" / "diagnostics.md").read_text()
+    for code, (severity, meaning) in CODES.items():
+        assert f"| `{code}` | {severity} | {meaning} |" in diagnostics
+    commands = (ROOT / "docs" / "commands.md").read_text()
+    for verb in VERBS:
+        assert f"## hrclog {verb}" in commands
+
+
+def test_links_between_pages_lead_somewhere() -> None:
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+            if "://" not in target:
+                assert (page.parent / target).exists(), f"{page.name}: {target}"
