@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hrclog.errors import IllegalEventError, InvalidEventError
-from hrclog.events import Event, RunStarted, UnknownEvent, from_row
+from hrclog.events import Event, Outcome, Role, RunStarted, UnknownEvent, from_row
 from hrclog.ids import new_id
 from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.recorders.recorder import Recorder
@@ -29,7 +29,7 @@ def record_lines(
 ) -> tuple[int, list[Refused]]:
     """Record one event per line: a JSON object with the fields of `TaskEvent`.
 
-    `kind` must be there. `time_ns` defaults to now, `run_id` and `seq` are the recorder's. A start without an
+    `kind` must be there. `time_ns` defaults to now, `outcome` to succeeded, `run_id` and `seq` are the recorder's. A start without an
     `execution_id` gets a new one; other task events without one mean the open execution of that agent and task.
 
     Args:
@@ -61,7 +61,9 @@ def _event(value: dict[str, Any], recorder: Recorder) -> Event:
     row = row_from_object(value)
     row["time_ns"] = recorder.now_ns() if row["time_ns"] is None else row["time_ns"]
     row["seq"] = 0
-    row["role"] = row["role"] or "primary"
+    row["role"] = row["role"] or Role.PRIMARY.value
+    if row["kind"] in ("task_ended", "run_ended"):
+        row["outcome"] = row["outcome"] or Outcome.SUCCEEDED.value
     if row["kind"].startswith("task_") and not row["execution_id"]:
         row["execution_id"] = _execution_id(row, recorder)
     event = from_row(row)
