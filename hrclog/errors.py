@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 
 class HrclogError(Exception):
     """Root of every error that hrclog raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # worker processes pickle errors; constructors take facts, but `args` holds the finished text
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+def _restore(kind: type[HrclogError], args: tuple[object, ...], facts: dict[str, Any]) -> HrclogError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(facts)
+    return error
 
 
 class LogExistsError(HrclogError):

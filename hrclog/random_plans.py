@@ -91,20 +91,32 @@ def _draw(problem: Problem, dealt: Iterable[tuple[str, Unit]], source: random.Ra
         left[agent].update(unit.tasks)
     orders: dict[str, list[str]] = {agent: [] for agent in problem.agents}
     ledger = Ledger(problem)
-    while any(left.values()):
-        ready = {agent: tasks for agent in left if (tasks := _ready(ledger, agent, left[agent]))}
+    for _ in range(sum(counts.total() for counts in left.values())):
+        agent, ready = _turn(ledger, left, source)
         if not ready:
             return None
-        agent = pick(list(ready), source)
-        task = pick(ready[agent], source)
+        task = pick(ready, source)
         ledger.do(agent, str(len(orders[agent])), task)
         orders[agent].append(task)
-        left[agent] -= Counter([task])
+        left[agent][task] -= 1
     return {agent: tuple(tasks) for agent, tasks in orders.items()}
+
+
+def _turn(ledger: Ledger, left: dict[str, Counter[str]], source: random.Random) -> tuple[str, list[str]]:
+    """Return one of the agents that can go on, each equally likely, and what it can do; "" and [] if none can."""
+    agents = list(left)
+    while agents:
+        agent = pick(agents, source)
+        ready = _ready(ledger, agent, left[agent])
+        if ready:
+            return agent, ready
+        agents.remove(agent)
+    return "", []
 
 
 def _ready(ledger: Ledger, agent: str, left: Counter[str]) -> list[str]:
     """Return each ready task as often as it is left."""
     due = ledger.due(agent)
-    candidates = [due] if due else left
-    return [task for task in candidates if ledger.ready(agent, task) for _ in range(left[task])]
+    if due is not None:
+        return [due] if ledger.ready(agent, due) else []
+    return [task for task, count in left.items() if count and ledger.ready(agent, task) for _ in range(count)]

@@ -29,8 +29,9 @@ def record_lines(
 ) -> tuple[int, list[Refused]]:
     """Record one event per line: a JSON object with the fields of `TaskEvent`.
 
-    `kind` must be there. `time_ns` defaults to now, `outcome` to succeeded, `run_id` and `seq` are the recorder's. A start without an
-    `execution_id` gets a new one; other task events without one mean the open execution of that agent and task.
+    `kind` must be there. `time_ns` defaults to now, `outcome` to succeeded; `run_id` and `seq` are the recorder's. A
+    start without an `execution_id` gets a new one; another task event without one means the open execution of that
+    agent and task.
 
     Args:
         lines: text lines; empty ones are passed over.

@@ -1,0 +1,219 @@
+"""Who does what in which order: plans and their files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from hrclog.errors import ScenarioError
+from hrclog.json_record import JsonRecord, read_json
+from hrclog.plan_order import Ledger, possible_sequence
+from hrclog.problem import Precedence, PrecedenceKind, Problem
+
+Orders = dict[str, tuple[str, ...]]
+"""The tasks of each agent, in its order."""
+
+SCHEMA_VERSION: Final = 1
+
+_PLAN_FIELDS: Final = ("schema_version", "name", "items")
+_ITEM_FIELDS: Final = ("item_id", "agent", "task", "after", "planned_start_s", "planned_end_s")
+
+
+@dataclass(frozen=True, slots=True)
+class PlanItem:
+    """One piece of work of one agent.
+
+    `after` lists the items that must have succeeded before it may start; the agent's own order comes on top of that.
+    Planned instants are seconds from the start of the run, None where the plan has no times.
+    """
+
+    item_id: str
+    agent: str
+    task: str
+    after: tuple[str, ...] = ()
+    planned_start_s: float | None = None
+    planned_end_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Items in an order that is possible; each agent does its own in that order."""
+
+    name: str
+    items: tuple[PlanItem, ...]
+
+    def agents(self) -> tuple[str, ...]:
+        """Return the agents that have work, in order of their first item."""
+        return tuple(dict.fromkeys(item.agent for item in self.items))
+
+    def queue(self, agent: str) -> tuple[PlanItem, ...]:
+        """Return the items of an agent, in its order."""
+        return tuple(item for item in self.items if item.agent == agent)
+
+    def orders(self) -> Orders:
+        """Return the tasks of each agent, in its order; two plans with equal orders are the same plan."""
+        return {agent: tuple(item.task for item in self.queue(agent)) for agent in sorted(self.agents())}
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the plan as JSON values, the inverse of `plan_from_json`."""
+        return {"schema_version": SCHEMA_VERSION, "name": self.name, "items": [_item_json(item) for item in self.items]}
+
+
+def make_plan(problem: Problem, orders: Mapping[str, Sequence[str]], name: str = "plan") -> Plan:
+    """Return the plan in which every agent does its tasks in the given order.
+
+    Args:
+        problem: what is to be done.
+        orders: the tasks of each agent, in its order.
+        name: name of the plan.
+
+    Raises:
+        ScenarioError: an agent has a task it cannot do, counts are not met, or the agents would wait for ever.
+    """
+    _check_counts(problem, orders, name)
+    ledger = Ledger(problem)
+    items: list[PlanItem] = []
+    for agent, place in possible_sequence(problem, orders, f"plan {name!r}"):
+        task = orders[agent][place]
+        item_id = f"{agent}-{place + 1:02d}"
+        items.append(PlanItem(item_id, agent, task, ledger.do(agent, item_id, task)))
+    return Plan(name, tuple(items))
+
+
+def check_plan(problem: Problem, plan: Plan) -> None:
+    """Raise if a plan does not solve a problem.
+
+    Raises:
+        ScenarioError: as for `make_plan`, or an item does not wait for what its precedences ask for.
+    """
+    for item in plan.items:
+        problem.task(item.task)
+    _check_counts(problem, plan.orders(), plan.name)
+    for precedence in problem.precedences:
+        for item in _unkept(plan, precedence):
+            rule = f"{precedence.before} -> {precedence.after} ({precedence.kind})"
+            raise ScenarioError(f"plan {plan.name!r}: item {item.item_id!r} breaks the precedence {rule}; reorder it")
+
+
+def with_planned_times(
+    plan: Plan, durations_s: Mapping[tuple[str, str], float], gaps_s: Mapping[str, float] | None = None
+) -> Plan:
+    """Return the plan with the times it would have if no agent hindered another.
+
+    Args:
+        plan: any plan.
+        durations_s: expected duration of each (agent, task).
+        gaps_s: time an agent needs before each of its items; 0 for agents not named.
+    """
+    free_s: dict[str, float] = {}
+    end_s: dict[str, float] = {}
+    items: list[PlanItem] = []
+    for item in plan.items:
+        ready_s = max([free_s.get(item.agent, 0.0), *(end_s[other] for other in item.after)])
+        start_s = ready_s + (gaps_s or {}).get(item.agent, 0.0)
+        free_s[item.agent] = end_s[item.item_id] = start_s + durations_s[item.agent, item.task]
+        items.append(replace(item, planned_start_s=start_s, planned_end_s=end_s[item.item_id]))
+    return Plan(plan.name, tuple(items))
+
+
+def read_plan(path: Path) -> Plan:
+    """Return the plan of a JSON file.
+
+    Raises:
+        ScenarioError: the file cannot be read, or is no plan.
+    """
+    return plan_from_json(JsonRecord(read_json(path, "a plan"), str(path), _PLAN_FIELDS))
+
+
+def write_plan(path: Path, plan: Plan) -> None:
+    """Write a plan as a JSON file, replacing an older one as a whole.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_text(json.dumps(plan.to_json(), ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
+    partial.replace(path)
+
+
+def plan_from_json(record: JsonRecord) -> Plan:
+    """Return the plan of a JSON object.
+
+    Raises:
+        ScenarioError: a field is missing or wrong, ids are not unique, or items wait for each other in a circle.
+    """
+    version = record.integer("schema_version", SCHEMA_VERSION)
+    if version > SCHEMA_VERSION:
+        raise record.error("schema_version", f"at most {SCHEMA_VERSION} (a newer hrclog wrote it)")
+    items = tuple(_item_from_json(entry) for entry in record.records("items", _ITEM_FIELDS))
+    seen: set[str] = set()
+    for index, item in enumerate(items):
+        missing = [other for other in item.after if other not in seen]
+        if missing or item.item_id in seen:
+            found = f"waits for {missing[0]!r}, which does not come before it" if missing else "has an id used before"
+            raise ScenarioError(f"{record.where}: items[{index}] {item.item_id!r} {found}; reorder or rename it")
+        seen.add(item.item_id)
+    return Plan(record.text("name", "plan"), items)
+
+
+def _item_json(item: PlanItem) -> dict[str, Any]:
+    values: dict[str, Any] = {"item_id": item.item_id, "agent": item.agent, "task": item.task}
+    if item.after:
+        values["after"] = list(item.after)
+    if item.planned_start_s is not None:
+        values["planned_start_s"] = item.planned_start_s
+    if item.planned_end_s is not None:
+        values["planned_end_s"] = item.planned_end_s
+    return values
+
+
+def _item_from_json(entry: JsonRecord) -> PlanItem:
+    start, end = (entry.number(name) if name in entry else None for name in ("planned_start_s", "planned_end_s"))
+    if start is not None and end is not None and end < start:
+        raise entry.error("planned_end_s", f"at least planned_start_s = {start:g}")
+    return PlanItem(
+        entry.text("item_id"), entry.text("agent"), entry.text("task"), entry.texts("after", ()), start, end
+    )
+
+
+def _check_counts(problem: Problem, orders: Mapping[str, Sequence[str]], name: str) -> None:
+    for agent, tasks in orders.items():
+        for task in tasks:
+            if agent not in problem.task(task).agents:
+                domain = ", ".join(problem.task(task).agents)
+                raise ScenarioError(f"plan {name!r}: {agent!r} cannot do {task!r}, only {domain} can; move it")
+    for task in (task.name for task in problem.tasks):
+        found = sum(list(tasks).count(task) for tasks in orders.values())
+        if found != problem.total(task):
+            expected = problem.total(task)
+            raise ScenarioError(
+                f"plan {name!r}: {task!r} is done {found} times, expected {expected}; add or remove some"
+            )
+    for count in problem.counts:
+        found = list(orders.get(count.agent, ())).count(count.task)
+        if count.agent and found < count.count:
+            text = f"{count.agent!r} does {count.task!r} {found} times, expected {count.count}"
+            raise ScenarioError(f"plan {name!r}: {text}; add or remove some")
+
+
+def _unkept(plan: Plan, precedence: Precedence) -> Iterator[PlanItem]:
+    """Yield the items that do not wait for what a precedence asks for."""
+    left = {item.item_id: item for item in plan.items if item.task == precedence.before}
+    for item in (item for item in plan.items if item.task == precedence.after):
+        waits = [other for other in item.after if other in left]
+        if precedence.kind is PrecedenceKind.ALL:
+            kept = len(waits) == len(left)
+        else:
+            kept = any(precedence.kind is PrecedenceKind.EACH or _right_after(plan, left[w], item) for w in waits)
+            for other in waits[:1]:
+                del left[other]
+        if not kept:
+            yield item
+
+
+def _right_after(plan: Plan, before: PlanItem, item: PlanItem) -> bool:
+    queue = plan.queue(item.agent)
+    return before in queue and queue.index(item) == queue.index(before) + 1

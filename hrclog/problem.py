@@ -1,0 +1,270 @@
+"""What is to be done: tasks, the agents that can do them, how often, and what must come before what.
+
+A problem says nothing about order or time; a plan (`hrclog.plan`) does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from graphlib import CycleError, TopologicalSorter
+from typing import Any, Final
+
+from hrclog.errors import ScenarioError
+from hrclog.json_record import JsonRecord
+
+
+class PrecedenceKind(StrEnum):
+    """How the executions of two tasks are paired.
+
+    NEXT: an agent does `after` right after its own `before` (place what was picked).
+    EACH: the k-th `after` of the run waits for the k-th `before`, whoever did it (a hand-over).
+    ALL: every `after` waits for all of `before`.
+    """
+
+    NEXT = "next"
+    EACH = "each"
+    ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A kind of work, the agents that can do it, and the objects it may choose from (none: no choice to log)."""
+
+    name: str
+    agents: tuple[str, ...]
+    task_type: str = ""
+    targets: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How often a task is to be done, by one agent or, with `agent` "", by any that can."""
+
+    task: str
+    count: int
+    agent: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Precedence:
+    """One task before another."""
+
+    before: str
+    after: str
+    kind: PrecedenceKind = PrecedenceKind.NEXT
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Tasks that one agent does without anything in between, and the agents that may be chosen for it."""
+
+    tasks: tuple[str, ...]
+    agents: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Tasks, agents, domains, counts and precedences.
+
+    Raises:
+        ScenarioError: they contradict each other; the message names the part.
+    """
+
+    agents: tuple[str, ...]
+    tasks: tuple[Task, ...]
+    counts: tuple[Count, ...]
+    precedences: tuple[Precedence, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_names(self)
+        _check_counts(self)
+        _check_precedences(self)
+        _check_cycles(self)
+        _check_units(self)
+
+    def task(self, name: str) -> Task:
+        """Return a task by name.
+
+        Raises:
+            ScenarioError: there is none of that name.
+        """
+        for task in self.tasks:
+            if task.name == name:
+                return task
+        names = ", ".join(task.name for task in self.tasks)
+        raise ScenarioError(f"task {name!r}: unknown; the tasks are {names}")
+
+    def total(self, name: str) -> int:
+        """Return how often a task is done in a run, by all agents together."""
+        return sum(count.count for count in self.counts if count.task == name)
+
+    def agent_tasks(self) -> list[tuple[str, str]]:
+        """Return every (agent, task) that may happen, in order of agents, then tasks."""
+        return [(agent, task.name) for agent in self.agents for task in self.tasks if agent in task.agents]
+
+    def units(self) -> list[Unit]:
+        """Return all that is to be done, in pieces that one agent does without anything in between."""
+        follower = {p.before: p.after for p in self.precedences if p.kind is PrecedenceKind.NEXT}
+        heads = [count for count in self.counts if count.task not in follower.values()]
+        units: list[Unit] = []
+        for head in heads:
+            chain = tuple(_follow(head.task, follower))
+            units += [Unit(chain, _unit_agents(self, chain, head.agent))] * head.count
+        return units
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the problem as JSON values, the inverse of `problem_from_json`."""
+        return {
+            "agents": list(self.agents),
+            "tasks": [
+                {"name": t.name, "type": t.task_type, "agents": list(t.agents), "targets": list(t.targets)}
+                for t in self.tasks
+            ],
+            "counts": [
+                {"task": c.task, "count": c.count} | ({"agent": c.agent} if c.agent else {}) for c in self.counts
+            ],
+            "precedences": [{"before": p.before, "after": p.after, "kind": str(p.kind)} for p in self.precedences],
+        }
+
+
+PROBLEM_FIELDS: Final = ("agents", "tasks", "counts", "precedences")
+
+
+def problem_from_json(record: JsonRecord) -> Problem:
+    """Return the problem of a JSON object with the fields of `PROBLEM_FIELDS`.
+
+    Raises:
+        ScenarioError: a field is missing or wrong, or the parts contradict each other.
+    """
+    tasks = [
+        Task(entry.text("name"), entry.texts("agents"), entry.text("type", ""), entry.texts("targets", ()))
+        for entry in record.records("tasks", ("name", "type", "agents", "targets"))
+    ]
+    counts = [
+        Count(entry.text("task"), entry.integer("count"), entry.text("agent", ""))
+        for entry in record.records("counts", ("task", "agent", "count"))
+    ]
+    precedences = [
+        Precedence(entry.text("before"), entry.text("after"), _kind(entry))
+        for entry in record.records("precedences", ("before", "after", "kind"), required=False)
+    ]
+    try:
+        return Problem(record.texts("agents"), tuple(tasks), tuple(counts), tuple(precedences))
+    except ScenarioError as error:
+        raise ScenarioError(f"{record.where}: {error}") from error
+
+
+def _kind(entry: JsonRecord) -> PrecedenceKind:
+    kind = entry.text("kind", PrecedenceKind.NEXT)
+    if kind not in tuple(PrecedenceKind):
+        raise entry.error("kind", f"one of {', '.join(PrecedenceKind)}")
+    return PrecedenceKind(kind)
+
+
+def _follow(task: str, follower: dict[str, str]) -> Iterator[str]:
+    current: str | None = task
+    while current is not None:
+        yield current
+        current = follower.get(current)
+
+
+def _unit_agents(problem: Problem, chain: tuple[str, ...], agent: str) -> tuple[str, ...]:
+    if agent:
+        return (agent,)
+    domains = [problem.task(name).agents for name in chain]
+    return tuple(a for a in problem.agents if all(a in domain for domain in domains))
+
+
+def _check_names(problem: Problem) -> None:
+    _unique("agent", problem.agents)
+    _unique("task", [task.name for task in problem.tasks])
+    for task in problem.tasks:
+        if not task.agents:
+            raise ScenarioError(f"task {task.name!r}: no agent can do it; name at least one in its agents")
+        for agent in task.agents:
+            _known_agent(problem, agent, f"task {task.name!r}")
+        _unique(f"task {task.name!r}: target", task.targets)
+
+
+def _unique(what: str, names: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if not name or name in seen:
+            raise ScenarioError(f"{what} {name!r}: " + ("named twice" if name else "empty") + "; names must be unique")
+        seen.add(name)
+
+
+def _known_agent(problem: Problem, agent: str, where: str) -> None:
+    if agent not in problem.agents:
+        known = ", ".join(problem.agents) or "none"
+        raise ScenarioError(f"{where}: agent {agent!r} is unknown; the agents are {known}")
+
+
+def _check_counts(problem: Problem) -> None:
+    if not sum(count.count for count in problem.counts):
+        raise ScenarioError("counts: nothing is to be done; give at least one task a count above 0")
+    _unique("count of", [f"{count.task} by {count.agent or 'any agent'}" for count in problem.counts])
+    for count in problem.counts:
+        task = problem.task(count.task)
+        if count.count < 0:
+            raise ScenarioError(f"count of {count.task!r}: found {count.count}, expected 0 or more")
+        if count.agent:
+            _known_agent(problem, count.agent, f"count of {count.task!r}")
+            if count.agent not in task.agents:
+                domain = ", ".join(task.agents)
+                raise ScenarioError(f"count of {count.task!r}: {count.agent!r} cannot do it, only {domain} can")
+    for task in problem.tasks:
+        if task.targets and problem.total(task.name) > len(task.targets):
+            found = f"{problem.total(task.name)} executions for {len(task.targets)} targets"
+            raise ScenarioError(f"task {task.name!r}: {found}; lower its counts or add targets")
+
+
+def _check_precedences(problem: Problem) -> None:
+    for p in problem.precedences:
+        problem.task(p.before)
+        problem.task(p.after)
+        if p.kind is PrecedenceKind.NEXT:
+            _check_next(problem, p)
+        elif p.kind is PrecedenceKind.EACH and problem.total(p.before) < problem.total(p.after):
+            found = f"{problem.total(p.before)} and {problem.total(p.after)}"
+            raise ScenarioError(f"{_name(p)}: each waits for one of its own, so at least as many before; found {found}")
+    nexts = [p for p in problem.precedences if p.kind is PrecedenceKind.NEXT]
+    _unique("tasks that come next after", [p.before for p in nexts])
+    _unique("tasks that come right before", [p.after for p in nexts])
+
+
+def _check_next(problem: Problem, p: Precedence) -> None:
+    if not set(problem.task(p.before).agents) & set(problem.task(p.after).agents):
+        raise ScenarioError(f"{_name(p)}: one agent must do both, and none can; give them an agent in common")
+    before, after = (
+        {count.agent: count.count for count in problem.counts if count.task == name and count.count}
+        for name in (p.before, p.after)
+    )
+    if before != after:
+        agent = min((set(before) | set(after)), key=lambda a: (before.get(a) == after.get(a), a))
+        found = f"{before.get(agent, 0)} and {after.get(agent, 0)}"
+        raise ScenarioError(f"{_name(p)}: {agent or 'any agent'} must do both equally often, found {found}")
+
+
+def _check_cycles(problem: Problem) -> None:
+    sorter: TopologicalSorter[str] = TopologicalSorter()
+    for p in problem.precedences:
+        sorter.add(p.after, p.before)
+    try:
+        sorter.prepare()
+    except CycleError as error:
+        cycle = " -> ".join(error.args[1])
+        raise ScenarioError(f"precedences: {cycle} is a cycle, so none of them can come first; remove one") from error
+
+
+def _check_units(problem: Problem) -> None:
+    for unit in problem.units():
+        if not unit.agents:
+            chain = " -> ".join(unit.tasks)
+            raise ScenarioError(f"tasks {chain}: one agent must do all of them, and none can; widen their agents")
+
+
+def _name(p: Precedence) -> str:
+    return f"precedence {p.before} -> {p.after} ({p.kind})"

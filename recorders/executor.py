@@ -1,0 +1,57 @@
+"""What a dispatcher asks of whatever carries tasks out: simulator, operator page, ROS node, replay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
+
+from hrclog.events import Event, Role
+
+Emit = Callable[[Event], None]
+"""Takes an event the moment it happens. May be called from any thread, and from within `start` and `cancel`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """One attempt at one item, to be carried out by one agent; planned instants in ns on the recorder's clock."""
+
+    run_id: str
+    command_id: str
+    execution_id: str
+    item_id: str
+    agent: str
+    task: str
+    task_type: str = ""
+    role: str = Role.PRIMARY
+    attempt: int = 1
+    planned_start_ns: int | None = None
+    planned_end_ns: int | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """Carries out the tasks of its agents and says what happens.
+
+    A command is answered by `command_rejected`, or by `task_started`, any number of pauses and resumptions, and one
+    `task_ended`; one that is cancelled before its start by `task_ended` alone. Every event carries the command's ids.
+    Facts that belong to no command (safety states, heartbeats) come the same way.
+    """
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """The agents it acts for."""
+        ...
+
+    def connect(self, emit: Emit) -> None:
+        """Send all events to `emit` from now on; called once, before the first command."""
+        ...
+
+    def start(self, command: Command) -> None:
+        """Begin a command; returns at once."""
+        ...
+
+    def cancel(self, execution_id: str, reason: str) -> None:
+        """Ask for the end of an execution as `canceled`; one that has ended already is left alone."""
+        ...

@@ -1,0 +1,1 @@
+"""Simulated workcells that write the same logs as real ones."""

@@ -1,0 +1,270 @@
+"""The discrete-event cell: agents whose work goes on at a rate that depends on what the others do.
+
+Work W of an execution is drawn once; while it runs it is done at the product over the other agents of 1 / s, so that
+the integral of that rate over the execution is W (`science.md`, 3c). Instants are whole nanoseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from hrclog.events import Cause, Event, Outcome, SafetyStateChanged, TaskEnded, TaskPaused, TaskResumed, TaskStarted
+from hrclog.recorders.executor import Command, Emit
+from hrclog.sim.event_queue import EventQueue
+from hrclog.sim.scenario import AgentTask, Scenario
+from hrclog.sim.stream import Stream
+from hrclog.sim.truth import ExecutionTruth
+
+NS_PER_S = 1_000_000_000
+
+_END, _BEGIN = 0, 1  # what ends at an instant ends before anything begins there: touching intervals do not overlap
+
+
+@dataclass(slots=True)
+class _Execution:
+    """An execution under way; work and what remains of it are in ns at rate 1."""
+
+    command: Command
+    key: AgentTask
+    outcome: Outcome
+    reason: str
+    work_ns: float
+    planning_time_s: float | None
+    path_length: float | None
+    target: str
+    remaining_ns: float = 0.0
+    rate: float = -1.0
+    since_ns: int = 0
+    version: int = 0
+    paused: bool = False
+
+
+class DiscreteCell:
+    """An executor for all agents of a scenario, in simulated time.
+
+    Args:
+        scenario: how the agents behave.
+        queue: the simulated clock and what is going to happen.
+        streams: random numbers of each agent; what one agent draws does not depend on the others' timing.
+        next_seq: numbers the events of the run.
+    """
+
+    def __init__(
+        self, scenario: Scenario, queue: EventQueue, streams: Mapping[str, Stream], next_seq: Callable[[], int]
+    ) -> None:
+        self.truth: list[ExecutionTruth] = []
+        self._scenario = scenario
+        self._queue = queue
+        self._streams = streams
+        self._next_seq = next_seq
+        self._emit: Emit = lambda _: None
+        self._given: dict[str, _Execution] = {}  # by execution id: accepted and not ended
+        self._running: dict[str, _Execution] = {}  # by agent
+        self._modes: dict[str, tuple[str, float]] = {}
+        self._targets = {task.name: list(task.targets) for task in scenario.problem.tasks}
+        self._chosen: dict[str, str] = {}  # by item
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """The agents of the scenario."""
+        return self._scenario.problem.agents
+
+    def connect(self, emit: Emit) -> None:
+        """Send all events to `emit` from now on."""
+        self._emit = emit
+
+    def watch(self, run_id: str) -> None:
+        """Say the first safety state of each agent that is watched."""
+        for agent in self._scenario.safety.agents:
+            self._say_safety(agent, 1.0, run_id)
+
+    def start(self, command: Command) -> None:
+        """Begin a command after the agent's gap."""
+        execution, gap_ns = self._draw(command)
+        self._given[command.execution_id] = execution
+        self._queue.schedule(self._queue.now_ns + gap_ns, partial(self._begin, execution), _BEGIN)
+
+    def cancel(self, execution_id: str, reason: str) -> None:
+        """End an execution as canceled, now."""
+        execution = self._given.get(execution_id)
+        if execution is None:
+            return
+        execution.outcome, execution.reason = Outcome.CANCELED, reason
+        if self._running.get(execution.key[0]) is execution:
+            self._advance(execution)
+            execution.work_ns -= execution.remaining_ns
+            self._finish(execution)
+        else:
+            del self._given[execution_id]
+            self._emit(self._ended(execution))
+
+    def _draw(self, command: Command) -> tuple[_Execution, int]:
+        """Draw all chances of an attempt, always the same number of them, and the gap before it in ns."""
+        key = (command.agent, command.task)
+        work, stream = self._scenario.work[key], self._streams[command.agent]
+        gap = self._scenario.gap.get(command.agent)
+        gap_s = stream.lognormal(gap.mu, gap.sigma) if gap else 0.0
+        work_ns = stream.lognormal(work.time.mu, work.time.sigma) * NS_PER_S
+        path_length = work.path_length * work_ns / NS_PER_S / work.time.median_s
+        fails = stream.uniform() < work.failure_probability
+        share = 0.05 + 0.9 * stream.uniform()
+        planning = work.planning
+        execution = _Execution(
+            command,
+            key,
+            outcome=Outcome.FAILED if fails else Outcome.SUCCEEDED,
+            reason=work.failure_reason if fails else "",
+            work_ns=work_ns * share if fails else work_ns,
+            planning_time_s=stream.lognormal(planning.mu, planning.sigma) if planning else None,
+            path_length=path_length * (share if fails else 1.0) or None,
+            target=self._target(command, stream.uniform()),
+        )
+        return execution, round(gap_s * NS_PER_S)
+
+    def _target(self, command: Command, chance: float) -> str:
+        """Return one of the objects that are left; a retry keeps its own."""
+        left = self._targets[command.task]
+        if command.item_id not in self._chosen and left:
+            self._chosen[command.item_id] = left.pop(int(chance * len(left)))
+        return self._chosen.get(command.item_id, "")
+
+    def _begin(self, execution: _Execution) -> None:
+        command = execution.command
+        if command.execution_id not in self._given:
+            return
+        execution.since_ns = self._queue.now_ns
+        execution.remaining_ns = execution.work_ns
+        self._running[command.agent] = execution
+        self._emit(
+            TaskStarted(
+                time_ns=self._queue.now_ns,
+                run_id=command.run_id,
+                seq=self._next_seq(),
+                agent=command.agent,
+                task=command.task,
+                execution_id=command.execution_id,
+                task_type=command.task_type,
+                role=command.role,
+                attempt=command.attempt,
+                item_id=command.item_id,
+                command_id=command.command_id,
+                planned_start_ns=command.planned_start_ns,
+                planned_end_ns=command.planned_end_ns,
+            )
+        )
+        self._refresh(command.run_id)
+
+    def _end(self, execution: _Execution, version: int) -> None:
+        if execution.version == version:
+            self._finish(execution)
+
+    def _finish(self, execution: _Execution) -> None:
+        command = execution.command
+        execution.version += 1
+        del self._running[command.agent]
+        del self._given[command.execution_id]
+        self.truth.append(
+            ExecutionTruth(
+                command.execution_id,
+                command.item_id,
+                command.agent,
+                command.task,
+                command.attempt,
+                execution.outcome,
+                execution.work_ns / NS_PER_S,
+            )
+        )
+        self._emit(self._ended(execution))
+        self._refresh(command.run_id)
+
+    def _ended(self, execution: _Execution) -> TaskEnded:
+        command = execution.command
+        planned = command.planned_end_ns is not None and command.planned_start_ns is not None
+        return TaskEnded(
+            time_ns=self._queue.now_ns,
+            run_id=command.run_id,
+            seq=self._next_seq(),
+            agent=command.agent,
+            task=command.task,
+            execution_id=command.execution_id,
+            task_type=command.task_type,
+            role=command.role,
+            attempt=command.attempt,
+            item_id=command.item_id,
+            command_id=command.command_id,
+            outcome=execution.outcome,
+            reason=execution.reason,
+            planned_duration_s=self._scenario.durations_s[execution.key] if planned else None,
+            planning_time_s=execution.planning_time_s,
+            path_length=execution.path_length,
+            target=execution.target,
+        )
+
+    def _refresh(self, run_id: str) -> None:
+        """Set every rate by what runs now, and with it the instant of every end."""
+        for execution in self._running.values():
+            rate = self._rate(execution)
+            if rate != execution.rate:
+                self._advance(execution)
+                execution.rate = rate
+                execution.version += 1
+                self._schedule_end(execution)
+        for agent in self._scenario.safety.agents:
+            running = self._running.get(agent)
+            self._say_safety(agent, min(running.rate, 1.0) if running else 1.0, run_id)
+
+    def _rate(self, execution: _Execution) -> float:
+        row = self._scenario.rates[execution.key]
+        rate = 1.0
+        for other in self._running.values():
+            rate *= row.get(other.key, 1.0)
+        return rate
+
+    def _advance(self, execution: _Execution) -> None:
+        now_ns = self._queue.now_ns
+        execution.remaining_ns -= (now_ns - execution.since_ns) * max(execution.rate, 0.0)
+        execution.since_ns = now_ns
+
+    def _schedule_end(self, execution: _Execution) -> None:
+        if execution.rate > 0.0:
+            end_ns = execution.since_ns + round(execution.remaining_ns / execution.rate)
+            self._queue.schedule(end_ns, partial(self._end, execution, execution.version), _END)
+
+    def _say_safety(self, agent: str, scale: float, run_id: str) -> None:
+        mode = "stopped" if scale == 0.0 else "reduced" if scale < 1.0 else "normal"
+        if self._modes.get(agent) != (mode, scale):
+            self._modes[agent] = (mode, scale)
+            self._emit(
+                SafetyStateChanged(
+                    time_ns=self._queue.now_ns,
+                    run_id=run_id,
+                    seq=self._next_seq(),
+                    agent=agent,
+                    mode=mode,
+                    speed_scale=scale,
+                    zone=self._scenario.safety.zone if scale < 1.0 else "",
+                )
+            )
+        execution = self._running.get(agent)
+        if execution is not None and execution.paused != (scale == 0.0):
+            execution.paused = not execution.paused
+            self._emit(self._pause(execution))
+
+    def _pause(self, execution: _Execution) -> Event:
+        command = execution.command
+        return (TaskPaused if execution.paused else TaskResumed)(
+            time_ns=self._queue.now_ns,
+            run_id=command.run_id,
+            seq=self._next_seq(),
+            agent=command.agent,
+            task=command.task,
+            execution_id=command.execution_id,
+            task_type=command.task_type,
+            role=command.role,
+            attempt=command.attempt,
+            item_id=command.item_id,
+            command_id=command.command_id,
+            cause=Cause.SAFETY,
+        )

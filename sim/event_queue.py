@@ -1,0 +1,32 @@
+"""The core of a discrete-event simulation: actions ordered by (time, priority, sequence): ties are settled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from heapq import heappop, heappush
+
+Action = Callable[[], None]
+
+
+class EventQueue:
+    """What is going to happen, and the simulated clock.
+
+    Args:
+        now_ns: where the clock starts, in ns.
+    """
+
+    def __init__(self, now_ns: int) -> None:
+        self.now_ns = now_ns
+        self._heap: list[tuple[int, int, int, Action]] = []
+        self._sequence = 0
+
+    def schedule(self, time_ns: int, action: Action, priority: int = 0) -> None:
+        """Let an action happen at an instant; the smaller priority first, then the one scheduled first."""
+        heappush(self._heap, (max(time_ns, self.now_ns), priority, self._sequence, action))
+        self._sequence += 1
+
+    def run(self) -> None:
+        """Let everything happen, and what comes of it, until nothing is left."""
+        while self._heap:
+            self.now_ns, _, _, action = heappop(self._heap)
+            action()

@@ -1,0 +1,314 @@
+"""A scenario: the problem of a cell, and how its agents really behave. Data, read from JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from hrclog.errors import ScenarioError
+from hrclog.json_record import JsonRecord, read_json
+from hrclog.problem import PROBLEM_FIELDS, Problem, problem_from_json
+
+SCENARIO_FOLDER: Final = Path(__file__).parent / "scenarios"
+
+SKIP: Final = "skip"
+ABORT: Final = "abort"
+SEQUENTIAL: Final = "sequential"
+TIMED: Final = "timed"
+
+AgentTask = tuple[str, str]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Lognormal:
+    """A lognormal time: median in seconds and standard deviation of its logarithm."""
+
+    median_s: float
+    sigma: float
+
+    @property
+    def mu(self) -> float:
+        """Mean of the logarithm of the seconds."""
+        return math.log(self.median_s)
+
+    @property
+    def mean_s(self) -> float:
+        """Mean in seconds."""
+        return self.median_s * math.exp(self.sigma**2 / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What a task takes an agent when nobody hinders it, and how it may fail.
+
+    `path_length` (m) belongs to the median work and grows with the work drawn; 0 logs none.
+    """
+
+    agent: str
+    task: str
+    time: Lognormal
+    failure_probability: float = 0.0
+    failure_reason: str = "task failed"
+    path_length: float = 0.0
+    planning: Lognormal | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Synergy:
+    """Factor on the duration of an agent's task while another agent runs another; infinite where it stops."""
+
+    agent: str
+    task: str
+    other_agent: str
+    other_task: str
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The time an agent takes from being given a task to starting it."""
+
+    agent: str
+    time: Lognormal
+
+
+@dataclass(frozen=True, slots=True)
+class Failures:
+    """How often a task is tried, and whether the run goes on without it (`skip`) or ends (`abort`)."""
+
+    max_attempts: int = 1
+    on_failure: str = SKIP
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """The agents whose slowing down is a safety function's doing and is logged, and the zone it watches."""
+
+    agents: tuple[str, ...] = ()
+    zone: str = ""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A problem and the truth about its agents.
+
+    Raises:
+        ScenarioError: something is missing or impossible; the message names it.
+    """
+
+    name: str
+    problem: Problem
+    works: tuple[Work, ...]
+    synergies: tuple[Synergy, ...] = ()
+    gaps: tuple[Gap, ...] = ()
+    failures: Failures = Failures()
+    safety: Safety = Safety()
+    dispatch_mode: str = SEQUENTIAL
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    @cached_property
+    def work(self) -> dict[AgentTask, Work]:
+        """Work by (agent, task)."""
+        return {(work.agent, work.task): work for work in self.works}
+
+    @cached_property
+    def gap(self) -> dict[str, Lognormal]:
+        """Gap by agent; agents not named have none."""
+        return {gap.agent: gap.time for gap in self.gaps}
+
+    @cached_property
+    def factors(self) -> dict[tuple[AgentTask, AgentTask], float]:
+        """Factor s by (agent, task) and (other agent, other task), where it is given."""
+        return {((s.agent, s.task), (s.other_agent, s.other_task)): s.factor for s in self.synergies}
+
+    @cached_property
+    def rates(self) -> dict[AgentTask, dict[AgentTask, float]]:
+        """Rate of work of (agent, task) while another (agent, task) runs, where it is not 1."""
+        rates: dict[AgentTask, dict[AgentTask, float]] = {key: {} for key in self.problem.agent_tasks()}
+        for (key, other), factor in self.factors.items():
+            rates[key][other] = 1.0 / factor
+        return rates
+
+    @cached_property
+    def durations_s(self) -> dict[AgentTask, float]:
+        """Mean duration of (agent, task) when nobody hinders it."""
+        return {key: work.time.mean_s for key, work in self.work.items()}
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that come with hrclog."""
+    return sorted(path.stem for path in SCENARIO_FOLDER.glob("*.json"))
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """Return a scenario by its name or its file.
+
+    Args:
+        name: one of `scenario_names()`, or the path of a JSON file.
+
+    Raises:
+        ScenarioError: unknown, unreadable, or not a valid scenario.
+    """
+    path = SCENARIO_FOLDER / f"{name}.json"
+    if not path.is_file():
+        path = Path(name)
+    if not path.is_file():
+        names = ", ".join(scenario_names())
+        raise ScenarioError(f"scenario {str(name)!r}: neither a file nor a known name; the names are {names}")
+    return scenario_from_json(read_json(path, "a scenario"), str(path))
+
+
+def scenario_from_json(value: object, where: str) -> Scenario:
+    """Return the scenario of a JSON value.
+
+    Args:
+        value: the parsed JSON.
+        where: file name, for messages.
+
+    Raises:
+        ScenarioError: a field is missing, unknown, wrong or contradicts another.
+    """
+    fields = ("name", "description", "problem", "work", "synergies", "gaps", "failures", "safety", "dispatch_mode")
+    record = JsonRecord(value, where, fields)
+    parts: dict[str, Any] = {
+        "name": record.text("name"),
+        "problem": problem_from_json(record.record("problem", PROBLEM_FIELDS)),
+        "works": tuple(_work(entry) for entry in record.records("work", _WORK_FIELDS)),
+        "synergies": tuple(_synergy(e) for e in record.records("synergies", _SYNERGY_FIELDS, required=False)),
+        "gaps": tuple(
+            Gap(e.text("agent"), _lognormal(e))
+            for e in record.records("gaps", ("agent", *_TIME_FIELDS), required=False)
+        ),
+        "failures": _failures(record),
+        "safety": _safety(record),
+        "dispatch_mode": record.text("dispatch_mode", SEQUENTIAL),
+        "description": record.text("description", ""),
+    }
+    try:
+        return Scenario(**parts)
+    except ScenarioError as error:
+        raise ScenarioError(f"{where}: {error}") from error
+
+
+_TIME_FIELDS = ("median_s", "sigma")
+_WORK_FIELDS = (
+    *("agent", "task", *_TIME_FIELDS),
+    *("failure_probability", "failure_reason", "path_length", "planning"),
+)
+_SYNERGY_FIELDS = ("agent", "task", "other_agent", "other_task", "synergy", "stops")
+
+
+def _lognormal(entry: JsonRecord) -> Lognormal:
+    return Lognormal(entry.positive("median_s"), entry.number("sigma", most=5.0))
+
+
+def _work(entry: JsonRecord) -> Work:
+    return Work(
+        agent=entry.text("agent"),
+        task=entry.text("task"),
+        time=_lognormal(entry),
+        failure_probability=entry.number("failure_probability", 0.0, most=1.0),
+        failure_reason=entry.text("failure_reason", "task failed"),
+        path_length=entry.number("path_length", 0.0),
+        planning=_lognormal(entry.record("planning", _TIME_FIELDS)) if "planning" in entry else None,
+    )
+
+
+def _synergy(entry: JsonRecord) -> Synergy:
+    stops = entry.flag("stops")
+    if stops and "synergy" in entry:
+        raise entry.error("synergy", "nothing, as the task stops")
+    factor = math.inf if stops else entry.positive("synergy")
+    return Synergy(entry.text("agent"), entry.text("task"), entry.text("other_agent"), entry.text("other_task"), factor)
+
+
+def _failures(record: JsonRecord) -> Failures:
+    if "failures" not in record:
+        return Failures()
+    entry = record.record("failures", ("max_attempts", "on_failure"))
+    return Failures(entry.integer("max_attempts", 1, least=1), entry.text("on_failure", SKIP))
+
+
+def _safety(record: JsonRecord) -> Safety:
+    if "safety" not in record:
+        return Safety()
+    entry = record.record("safety", ("agents", "zone"))
+    return Safety(entry.texts("agents"), entry.text("zone", ""))
+
+
+def _check(scenario: Scenario) -> None:
+    if not scenario.name or not set(scenario.name) <= _NAME_CHARACTERS:
+        expected = "letters, digits, '-' and '_' (it begins file names)"
+        raise ScenarioError(f"name: found {scenario.name!r}, expected {expected}; rename it")
+    _check_choice("dispatch_mode", scenario.dispatch_mode, (SEQUENTIAL, TIMED))
+    _check_choice("failures: on_failure", scenario.failures.on_failure, (SKIP, ABORT))
+    _check_keys(scenario)
+    _check_stops(scenario)
+
+
+_NAME_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
+
+
+def _check_choice(what: str, found: str, allowed: tuple[str, ...]) -> None:
+    if found not in allowed:
+        raise ScenarioError(f"{what}: found {found!r}, expected one of {', '.join(allowed)}")
+
+
+def _check_keys(scenario: Scenario) -> None:
+    possible = set(scenario.problem.agent_tasks())
+    given = [(work.agent, work.task) for work in scenario.works]
+    for agent, task in _repeated(given):
+        raise ScenarioError(f"work: {task!r} by {agent!r} is given twice; remove one")
+    for agent, task in sorted(possible - set(given)):
+        raise ScenarioError(f"work: {task!r} by {agent!r} is missing; add its median_s and sigma")
+    for agent, task in given:
+        _check_possible("work", (agent, task), possible)
+    pairs = [((s.agent, s.task), (s.other_agent, s.other_task)) for s in scenario.synergies]
+    for key, other in pairs:
+        _check_possible("synergies", key, possible)
+        _check_possible("synergies", other, possible)
+        if key[0] == other[0]:
+            raise ScenarioError(f"synergies: {key[1]!r} by {key[0]!r} with its own {other[1]!r}; name another agent")
+    for key, other in _repeated(pairs):
+        raise ScenarioError(f"synergies: {key[1]!r} by {key[0]!r} with {other[1]!r} by {other[0]!r} is given twice")
+    agents = [gap.agent for gap in scenario.gaps]
+    for agent in (*agents, *scenario.safety.agents):
+        if agent not in scenario.problem.agents:
+            known = ", ".join(scenario.problem.agents)
+            raise ScenarioError(f"gaps or safety: agent {agent!r} is unknown; the agents are {known}")
+    for agent in _repeated(agents):
+        raise ScenarioError(f"gaps: agent {agent!r} is given twice; remove one")
+
+
+def _repeated(values: list[T]) -> Iterator[T]:
+    seen: set[T] = set()
+    for value in values:
+        if value in seen:
+            yield value
+        seen.add(value)
+
+
+def _check_possible(what: str, key: AgentTask, possible: set[AgentTask]) -> None:
+    if key not in possible:
+        raise ScenarioError(f"{what}: {key[1]!r} by {key[0]!r} is not in the problem; check the names and the agents")
+
+
+def _check_stops(scenario: Scenario) -> None:
+    stops = {((s.agent, s.task), (s.other_agent, s.other_task)) for s in scenario.synergies if math.isinf(s.factor)}
+    for (agent, task), (other, other_task) in sorted(stops):
+        if agent not in scenario.safety.agents:
+            raise ScenarioError(
+                f"synergies: {task!r} by {agent!r} stops, but no safety function watches it; add it to safety"
+            )
+        if ((other, other_task), (agent, task)) in stops:
+            raise ScenarioError(
+                f"synergies: {task!r} by {agent!r} and {other_task!r} by {other!r} stop each other for ever"
+            )

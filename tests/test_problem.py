@@ -1,0 +1,145 @@
+"""What may be asked of a cell, and how impossible wishes are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from hrclog.errors import ScenarioError
+from hrclog.json_record import JsonRecord
+from hrclog.problem import (
+    PROBLEM_FIELDS,
+    Count,
+    Precedence,
+    PrecedenceKind,
+    Problem,
+    Task,
+    Unit,
+    problem_from_json,
+)
+
+BOTH = ("human", "robot")
+PICK, PLACE = Task("pick", BOTH, "pick"), Task("place", BOTH, "place")
+GOOD = Problem(
+    BOTH, (PICK, PLACE), (Count("pick", 2, "human"), Count("place", 2, "human")), (Precedence("pick", "place"),)
+)
+
+
+def test_a_problem_comes_back_from_json_as_it_was() -> None:
+    problem = replace(GOOD, tasks=(replace(PICK, targets=("a", "b")), PLACE))
+    assert problem_from_json(JsonRecord(problem.to_json(), "x", PROBLEM_FIELDS)) == problem
+
+
+def test_work_that_must_follow_is_one_unit_of_the_counted_agent() -> None:
+    assert GOOD.units() == [Unit(("pick", "place"), ("human",))] * 2
+
+
+def test_work_of_any_agent_may_go_to_every_agent_that_can_do_all_of_it() -> None:
+    tasks = (PICK, Task("place", ("robot",)))
+    counts = (Count("pick", 1), Count("place", 1))
+    assert replace(GOOD, tasks=tasks, counts=counts).units() == [Unit(("pick", "place"), ("robot",))]
+
+
+def test_agent_tasks_are_ordered_by_agent_then_task() -> None:
+    assert GOOD.agent_tasks() == [(agent, task) for agent in BOTH for task in ("pick", "place")]
+
+
+def test_an_unknown_task_is_refused_with_the_known_names() -> None:
+    with pytest.raises(ScenarioError, match=r"task 'fly': unknown; the tasks are pick, place"):
+        GOOD.task("fly")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"agents": ("human", "human")}, "agent 'human': named twice"),
+        ({"agents": ("", "robot")}, "agent '': empty"),
+        ({"agents": ("human",)}, "task 'pick': agent 'robot' is unknown; the agents are human"),
+        ({"tasks": (PICK, PLACE, PICK)}, "task 'pick': named twice"),
+        ({"tasks": (PICK, Task("place", ()))}, "task 'place': no agent can do it"),
+        ({"tasks": (replace(PICK, targets=("a",)), PLACE)}, "task 'pick': 2 executions for 1 targets"),
+        ({"tasks": (replace(PICK, targets=("a", "a")), PLACE)}, "task 'pick': target 'a': named twice"),
+        ({"counts": ()}, "nothing is to be done"),
+        ({"counts": (Count("pick", 1, "human"), Count("pick", 1, "human"))}, "count of 'pick by human': named twice"),
+        ({"counts": (Count("pick", -1, "human"), Count("place", 2, "human"))}, "count of 'pick': found -1"),
+        ({"counts": (Count("pick", 1, "dog"),)}, "count of 'pick': agent 'dog' is unknown"),
+        ({"tasks": (PICK, Task("place", ("robot",)))}, "count of 'place': 'human' cannot do it, only robot can"),
+        ({"precedences": (Precedence("pick", "weld"),)}, "task 'weld': unknown"),
+        (
+            {"counts": (Count("pick", 2, "human"), Count("place", 3, "human"))},
+            "human must do both equally often.* 2 and 3",
+        ),
+        (
+            {"counts": (Count("pick", 1, "human"), Count("place", 1, "robot"))},
+            "human must do both equally often.* 1 and 0",
+        ),
+        (
+            {"precedences": (Precedence("pick", "place"), Precedence("place", "pick"))},
+            "pick -> place -> pick is a cycle|place -> pick -> place is a cycle",
+        ),
+        ({"precedences": (Precedence("pick", "pick", PrecedenceKind.ALL),)}, "pick -> pick is a cycle"),
+        (
+            {
+                "counts": (Count("pick", 1, "human"), Count("place", 2, "human")),
+                "precedences": (Precedence("pick", "place", PrecedenceKind.EACH),),
+            },
+            "at least as many before; found 1 and 2",
+        ),
+    ],
+)
+def test_a_contradiction_is_named(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        replace(GOOD, **change)  # type: ignore[arg-type] # the wrong values are the point
+
+
+def test_work_that_must_follow_needs_an_agent_that_can_do_both() -> None:
+    with pytest.raises(ScenarioError, match="one agent must do both, and none can"):
+        Problem(
+            BOTH,
+            (Task("pick", ("human",)), Task("place", ("robot",))),
+            (Count("pick", 1), Count("place", 1)),
+            (Precedence("pick", "place"),),
+        )
+
+
+def test_a_chain_of_three_needs_one_agent_for_all() -> None:
+    tasks = (Task("a", ("human",)), Task("b", BOTH), Task("c", ("robot",)))
+    chain = (Precedence("a", "b"), Precedence("b", "c"))
+    with pytest.raises(ScenarioError, match="a -> b -> c: one agent must do all"):
+        Problem(BOTH, tasks, tuple(Count(name, 1) for name in "abc"), chain)
+
+
+def test_a_task_has_one_follower_only() -> None:
+    tasks = (*GOOD.tasks, Task("drop", BOTH))
+    with pytest.raises(ScenarioError, match="tasks that come next after 'pick': named twice"):
+        replace(
+            GOOD,
+            tasks=tasks,
+            counts=(*GOOD.counts, Count("drop", 2, "human")),
+            precedences=(*GOOD.precedences, Precedence("pick", "drop")),
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"agents": "human"}, "cell: agents: found 'human', expected a list of texts"),
+        ({"agent": []}, "cell: unknown field 'agent'; the fields are agents, counts, precedences, tasks"),
+        ({"tasks": [{"agents": ["human"]}]}, r"cell: tasks\[0\]: 'name' is missing"),
+        ({"tasks": ["pick"]}, r"cell: tasks\[0\]: found 'pick', expected a JSON object"),
+        (
+            {"counts": [{"task": "pick", "count": 1.5}]},
+            r"cell: counts\[0\]: count: found '1.5', expected a whole number",
+        ),
+        ({"counts": [{"task": "pick", "count": True}]}, "found 'True', expected a whole number"),
+        (
+            {"precedences": [{"before": "pick", "after": "place", "kind": "soon"}]},
+            "kind: found 'soon', expected one of next, each, all",
+        ),
+        ({"agents": ["human"]}, "cell: task 'pick': agent 'robot' is unknown"),
+    ],
+)
+def test_a_wrong_field_is_named_with_its_place(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        problem_from_json(JsonRecord(GOOD.to_json() | change, "cell", PROBLEM_FIELDS))
