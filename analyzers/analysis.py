@@ -101,7 +101,11 @@ def analyze(
     """
     _check_choice("estimator", estimator, ESTIMATORS)
     _check_choice("outliers", outliers, OUTLIERS)
-    return analyze_logs(read_logs([paths] if isinstance(paths, str | Path) else paths, signals=True, on_file=on_file), estimator, outliers)
+    return analyze_logs(
+        read_logs([paths] if isinstance(paths, str | Path) else paths, signals=True, on_file=on_file),
+        estimator,
+        outliers,
+    )
 
 
 def analyze_logs(logs: Logs, estimator: str = DEFAULT_ESTIMATOR, outliers: Outliers = "none") -> Analysis:

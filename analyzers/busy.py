@@ -38,7 +38,8 @@ class BusyTime:
         if not len(self.start):
             return np.zeros(np.shape(time_ns), np.int64)
         beyond = np.maximum(self.end[np.maximum(block - 1, 0)] - time_ns, 0) * (block > 0)
-        return self._before[block] - beyond
+        before: IntArray = self._before[block] - beyond
+        return before
 
     def within(self, start: IntArray, end: IntArray) -> IntArray:
         """Return the busy time in ns within each interval."""

@@ -28,7 +28,9 @@ def lint(events: pl.DataFrame, intervals: pl.DataFrame, overlaps: pl.DataFrame, 
 def _open_executions(intervals: pl.DataFrame) -> list[Diagnostic]:
     rows = intervals.filter((pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null())
     return [
-        Diagnostic("open_execution", f"{agent!r}, {task!r} started at {start} ns and never ended; it is censored", path, run)
+        Diagnostic(
+            "open_execution", f"{agent!r}, {task!r} started at {start} ns and never ended; it is censored", path, run
+        )
         for agent, task, start, path, run in rows.select("agent", "task", "start_ns", "path", "run_id").iter_rows()
     ]
 
@@ -41,7 +43,9 @@ def _zero_durations(intervals: pl.DataFrame) -> list[Diagnostic]:
         .sort("path", "run_id", "agent", "task")
     )
     return [
-        Diagnostic("zero_duration", f"{count} executions of {agent!r}, {task!r} ended in the instant of their start", path, run)
+        Diagnostic(
+            "zero_duration", f"{count} executions of {agent!r}, {task!r} ended in the instant of their start", path, run
+        )
         for path, run, agent, task, count in rows.iter_rows()
     ]
 

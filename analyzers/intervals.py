@@ -13,7 +13,7 @@ import polars as pl
 from hrclog.analyzers.schemas import INTERVALS
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
-from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role, TaskFact, from_row
+from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role, TaskFact, from_row, parse_details
 from hrclog.log.reader import ORDER
 from hrclog.state import PLANNED, ExecutionState, apply
 
@@ -23,6 +23,7 @@ _KEY: Final = ("run_id", "execution_id")
 _START_FIELDS: Final = ("agent", "task", "task_type", "role", "parent_execution_id", "item_id", "attempt", "path")
 _PLANNED: Final = ("planned_start_ns", "planned_end_ns")
 _END_FIELDS: Final = ("outcome", "reason", "planned_duration_s", "planning_time_s", "path_length", "target")
+_OPEN: Final = {"reason": "", "target": ""}  # what an execution says that has not ended
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 
 
@@ -45,7 +46,7 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
         events: an events frame in any order.
 
     Returns:
-        A frame of schema `INTERVALS`, and one diagnostic per event that was skipped.
+        A frame of schema `INTERVALS`, and one diagnostic per event that was skipped or not understood in full.
     """
     task_events = events.filter(pl.col("kind").is_in(TASK_KINDS)).sort(ORDER, maintain_order=True)
     task_events = task_events.with_row_index("order")
@@ -56,7 +57,7 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     last = events.group_by("run_id").agg(pl.col("time_ns").max().alias("last_ns"))
     rows = pl.concat([paired, folded]).join(last, on="run_id", how="left")
     rows = rows.with_columns(pl.coalesce("end_ns", pl.max_horizontal("last_ns", "start_ns")).alias("until_ns"))
-    return rows.select(INTERVALS.names()).cast(dict(INTERVALS)).sort(SORT), diagnostics
+    return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(task_events), *diagnostics]
 
 
 def counted() -> pl.Expr:
@@ -99,21 +100,28 @@ def _pair(task_events: pl.DataFrame, keys: pl.DataFrame) -> pl.DataFrame:
     ends = regular.filter(pl.col("kind") == "task_ended").select(*_KEY, *_END_FIELDS, pl.col("time_ns").alias("end_ns"))
     plans = regular.filter(pl.col("kind") == "task_dispatched").select(*_KEY, *_PLANNED, "item_id")
     joined = starts.join(ends, on=_KEY, how="left").join(plans, on=_KEY, how="left", suffix="_dispatched")
-    return joined.select(
-        *_KEY,
-        *(name for name in _START_FIELDS if name != "item_id"),
-        pl.when(pl.col("item_id") != "").then("item_id").otherwise(pl.col("item_id_dispatched").fill_null("")).alias("item_id"),
-        "start_ns",
-        "end_ns",
-        pl.col("outcome").fill_null(UNKNOWN_OUTCOME),
-        pl.col("reason").fill_null(""),
-        pl.lit(0, pl.Int64).alias("paused_ns"),
-        *(pl.coalesce(name, f"{name}_dispatched").alias(name) for name in _PLANNED),
-        "planned_duration_s",
-        "planning_time_s",
-        "path_length",
-        pl.col("target").fill_null(""),
-    ).select(_COLUMNS.names()).cast(dict(_COLUMNS))
+    return (
+        joined.select(
+            *_KEY,
+            *(name for name in _START_FIELDS if name != "item_id"),
+            pl.when(pl.col("item_id") != "")
+            .then("item_id")
+            .otherwise(pl.col("item_id_dispatched").fill_null(""))
+            .alias("item_id"),
+            "start_ns",
+            "end_ns",
+            pl.col("outcome").fill_null(UNKNOWN_OUTCOME),
+            pl.col("reason").fill_null(""),
+            pl.lit(0, pl.Int64).alias("paused_ns"),
+            *(pl.coalesce(name, f"{name}_dispatched").alias(name) for name in _PLANNED),
+            "planned_duration_s",
+            "planning_time_s",
+            "path_length",
+            pl.col("target").fill_null(""),
+        )
+        .select(_COLUMNS.names())
+        .cast(_COLUMNS)
+    )
 
 
 _COLUMNS: Final = pl.Schema({name: kind for name, kind in INTERVALS.items() if name != "until_ns"})
@@ -127,7 +135,7 @@ def _fold(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     for row in task_events.iter_rows(named=True):
         key = (row["run_id"], row["execution_id"])
         before = states.get(key, PLANNED)
-        after, code = apply(before, _event(row, diagnostics))
+        after, code = apply(before, _event(row))
         if code:
             diagnostics.append(_complaint(code, row))
         if after is before:
@@ -135,21 +143,33 @@ def _fold(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
         states[key] = after
         facts.setdefault(key, {}).update(_facts(row, facts.get(key, {})))
     rows = [
-        facts[key] | _outcome(state) | {"run_id": key[0], "execution_id": key[1]}
+        _OPEN | facts[key] | _outcome(state) | {"run_id": key[0], "execution_id": key[1]}
         for key, state in states.items()
         if state.start_ns is not None
     ]
     return pl.DataFrame(rows, schema=_COLUMNS), diagnostics
 
 
-def _event(row: dict[str, Any], diagnostics: list[Diagnostic]) -> TaskFact:
-    try:
-        event = from_row(row)
-    except InvalidEventError as error:
-        diagnostics.append(Diagnostic("invalid_details", str(error), row["path"], row["run_id"], row["seq"]))
-        event = from_row(row | {"details": ""})
+def _event(row: dict[str, Any]) -> TaskFact:
+    event = from_row(row | {"details": ""})  # the state machine asks nothing of them
     assert isinstance(event, TaskFact)  # noqa: S101 - rows were filtered by TASK_KINDS
     return event
+
+
+def _invalid_details(task_events: pl.DataFrame) -> list[Diagnostic]:
+    """Return a diagnostic per task event whose details are no JSON object."""
+    text = pl.col("details")
+    # polars sorts out nearly all of them, and refuses a few that Python takes
+    doubtful = task_events.filter(
+        (text != "") & ~(text.str.starts_with("{") & text.str.json_path_match("$").is_not_null())
+    )
+    found: list[Diagnostic] = []
+    for details, kind, path, run_id, seq in doubtful.select("details", "kind", "path", "run_id", "seq").iter_rows():
+        try:
+            parse_details(details, kind)
+        except InvalidEventError as error:
+            found.append(Diagnostic("invalid_details", str(error), path, run_id, seq))
+    return found
 
 
 def _facts(row: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ Collaboration (IEEE Trans. Human-Machine Systems, 2019), eq. 6-9. T runs from th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import combinations, permutations
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.busy import BusyTime, busy_times
+from hrclog.analyzers.critical_path import Precedence, critical_path, critical_path_lengths
 from hrclog.analyzers.intervals import top_level
 from hrclog.analyzers.schemas import METRICS
 from hrclog.analyzers.speed import SpeedProfile, speed_profiles
@@ -26,7 +27,10 @@ Row = tuple[str, str, float]
 
 
 def metrics(
-    intervals: pl.DataFrame, events: pl.DataFrame | None = None, signals: pl.DataFrame | None = None
+    intervals: pl.DataFrame,
+    events: pl.DataFrame | None = None,
+    signals: pl.DataFrame | None = None,
+    precedences: Iterable[Precedence] = (),
 ) -> pl.DataFrame:
     """Compute the metrics that a log supports.
 
@@ -34,6 +38,8 @@ def metrics(
         intervals: a frame of schema `INTERVALS`.
         events: adds the safety metrics where speed scales were logged.
         signals: adds the minimum distance where it was logged.
+        precedences: plan items of which the first must end before the second starts; the critical path follows them
+            and the order of each agent's executions.
 
     Returns:
         A frame of schema `METRICS`: fractions of T, but `*_s` in seconds, `*_m` in metres, `*_count` and
@@ -42,11 +48,15 @@ def metrics(
     busy = busy_times(intervals)
     speeds = speed_profiles(events) if events is not None else {}
     distances = _distances(signals)
+    longest = critical_path_lengths(critical_path(intervals, precedences))
     rows: list[tuple[str, str, str, float]] = []
     top = intervals.filter(top_level())
-    for (run,), part in top.sort("run_id", "start_ns", "until_ns", "execution_id").group_by("run_id", maintain_order=True):
+    for (run,), part in top.sort("run_id", "start_ns", "until_ns", "execution_id").group_by(
+        "run_id", maintain_order=True
+    ):
         run_id = str(run)
-        found = [*_fluency(part, busy[run_id]), *_lateness(part), *distances.get(run_id, [])]
+        found = [*_fluency(part, busy[run_id]), ("critical_path_s", "", longest[run_id] / 1e9)]
+        found += [*_lateness(part), *distances.get(run_id, [])]
         for agent, profile in sorted(speeds.get(run_id, {}).items()):
             found += _safety(agent, part.filter(pl.col("agent") == agent), profile)
         rows += [(run_id, *row) for row in found]
@@ -94,7 +104,9 @@ def _lateness(part: pl.DataFrame) -> Iterator[Row]:
     planned = part.filter(pl.col("planned_start_ns").is_not_null())
     late = planned.with_columns(((pl.col("start_ns") - pl.col("planned_start_ns")) / 1e9).alias("late"))
     for agent, mean, highest in (
-        late.group_by("agent").agg(pl.col("late").mean().alias("mean"), pl.col("late").max().alias("max")).sort("agent")
+        late.group_by("agent")
+        .agg(pl.col("late").sort().mean().alias("mean"), pl.col("late").max().alias("max"))
+        .sort("agent")
     ).iter_rows():
         yield "start_lateness_mean_s", agent, mean
         yield "start_lateness_max_s", agent, highest
@@ -117,12 +129,8 @@ def _distances(signals: pl.DataFrame | None) -> dict[str, list[Row]]:
     if signals is None:
         return {}
     per_run = (
-        signals.filter(pl.col("name") == MINIMUM_DISTANCE)
+        signals.filter((pl.col("name") == MINIMUM_DISTANCE) & pl.col("value").is_finite())
         .group_by("run_id")
         .agg(pl.col("value").min().alias("low"), pl.col("value").quantile(0.05, "linear").alias("p5"))
     )
-    return {
-        run: [("min_distance_m", "", low), ("min_distance_p5_m", "", p5)]
-        for run, low, p5 in per_run.iter_rows()
-        if low is not None
-    }
+    return {run: [("min_distance_m", "", low), ("min_distance_p5_m", "", p5)] for run, low, p5 in per_run.iter_rows()}

@@ -69,7 +69,10 @@ def check_writable(folder: Path) -> None:
 
 def recording_names(runs: pl.DataFrame) -> dict[str, str]:
     """Return run_id -> file name: the run's name, made safe, with a part of its id where two would be equal."""
-    clean = {run: _UNSAFE.sub("_", name).strip(".")[:_LONGEST_NAME] or "run" for run, name in runs.select("run_id", "name").iter_rows()}
+    clean = {
+        run: _UNSAFE.sub("_", name).strip(".")[:_LONGEST_NAME] or "run"
+        for run, name in runs.select("run_id", "name").iter_rows()
+    }
     folded = [name.casefold() for name in clean.values()]
     return {
         run: f"{name}.rrd" if folded.count(name.casefold()) == 1 else f"{name}-{_UNSAFE.sub('_', run)[:40]}.rrd"

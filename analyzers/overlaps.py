@@ -17,6 +17,7 @@ from hrclog.analyzers.schemas import OVERLAPS, PAIR_OVERLAPS
 from hrclog.log.message import IntArray
 
 _BLOCK_ROWS: Final = 100_000  # keeps the arrays of a sweep in the processor's cache
+_BLOCK_SPAN_NS: Final = 2.0**62  # runs put after each other must stay within int64
 
 _SIDE: Final = ("execution_id", "agent", "task")
 
@@ -46,7 +47,7 @@ def overlaps(intervals: pl.DataFrame) -> pl.DataFrame:
         how="horizontal",
     ).with_columns((pl.col("overlap_ns") / pl.col("duration_ns")).alias("ratio"))
     order = np.lexsort((behind, ahead))
-    return pairs[order].select(OVERLAPS.names()).cast(dict(OVERLAPS))
+    return pairs[order].select(OVERLAPS.names()).cast(OVERLAPS)
 
 
 def sweep(run: pl.Series, start: pl.Series, end: pl.Series) -> tuple[IntArray, IntArray, IntArray]:
@@ -58,7 +59,7 @@ def sweep(run: pl.Series, start: pl.Series, end: pl.Series) -> tuple[IntArray, I
         end: int64 ns, shape (n,).
     """
     starts, ends = start.to_numpy(), end.to_numpy()
-    found = [_sweep_block(starts, ends, bounds) for bounds in _blocks(run)]
+    found = [_sweep_block(starts, ends, bounds) for bounds in _blocks(run, starts, ends)]
     if not found:
         return (np.empty(0, np.int64),) * 3
     first, second, overlap = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
@@ -79,7 +80,8 @@ def pair_overlaps(intervals: pl.DataFrame, overlaps: pl.DataFrame) -> pl.DataFra
     sums = (
         overlaps.filter(pl.col("agent") != pl.col("other_agent"))
         .group_by("agent", "task", "other_agent", "other_task")
-        .agg(pl.col("overlap_ns").sum(), pl.len().alias("n"), pl.col("ratio").sum())
+        # sorted, the sum does not depend on the order of the rows, nor on who is called what
+        .agg(pl.col("overlap_ns").sum(), pl.len().alias("n"), pl.col("ratio").sort().sum())
     )
     pairs = task_pairs(tasks).join(sums, on=["agent", "task", "other_agent", "other_task"], how="left")
     return pairs.select(
@@ -90,7 +92,7 @@ def pair_overlaps(intervals: pl.DataFrame, overlaps: pl.DataFrame) -> pl.DataFra
         (pl.col("overlap_ns").fill_null(0) / 1e9).alias("overlap_s"),
         pl.col("n").fill_null(0),
         (pl.col("ratio").fill_null(0.0) / pl.col("executions")).alias("mean_ratio"),
-    ).cast(dict(PAIR_OVERLAPS))
+    ).cast(PAIR_OVERLAPS)
 
 
 def task_counts(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -105,17 +107,24 @@ def task_pairs(tasks: pl.DataFrame) -> pl.DataFrame:
     return pairs.sort("agent", "task", "other_agent", "other_task")
 
 
-def _blocks(run: pl.Series) -> Iterator[tuple[int, int, IntArray]]:
+def _blocks(run: pl.Series, start: IntArray, end: IntArray) -> Iterator[tuple[int, int, IntArray]]:
     """Yield (first row, one past the last row, number of the run within the block of each row), cut between runs."""
     if run.is_empty():
         return
     lengths = run.rle().struct.field("len").to_numpy().astype(np.int64)
-    edges = np.concatenate([[0], np.cumsum(lengths)])
+    rows = np.concatenate([[0], np.cumsum(lengths)])
+    # as floats, because a few runs with clocks gone wrong are longer than int64 holds
+    spans = np.maximum.reduceat(end.astype(np.float64), rows[:-1]) - start[rows[:-1]]
+    span = np.concatenate([[0.0], np.cumsum(spans + 1)])
     begin = 0
     while begin < len(lengths):
-        end = max(begin + 1, int(np.searchsorted(edges, edges[begin] + _BLOCK_ROWS, "right")) - 1)
-        yield int(edges[begin]), int(edges[end]), np.repeat(np.arange(end - begin), lengths[begin:end])
-        begin = end
+        fits = min(
+            np.searchsorted(rows, rows[begin] + _BLOCK_ROWS, "right"),
+            np.searchsorted(span, span[begin] + _BLOCK_SPAN_NS, "right"),
+        )
+        stop = max(begin + 1, int(fits) - 1)
+        yield int(rows[begin]), int(rows[stop]), np.repeat(np.arange(stop - begin), lengths[begin:stop])
+        begin = stop
 
 
 def _sweep_block(
@@ -134,6 +143,8 @@ def _sweep_block(
 
 def _apart(start: IntArray, end: IntArray, run: IntArray) -> tuple[IntArray, IntArray]:
     """Shift the runs of a block so that they follow each other on one axis."""
+    if not run[-1]:
+        return start, end
     first_row = np.searchsorted(run, np.arange(run[-1] + 1))
     origin = start[first_row]
     length = np.maximum.reduceat(end, first_row) - origin + 1

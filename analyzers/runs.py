@@ -25,13 +25,17 @@ def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
         events: an events frame.
         intervals: the executions in it.
     """
-    spans = intervals.filter(top_level()).group_by("run_id").agg(
-        pl.col("agent").unique().sort().alias("seen"),
-        pl.col("start_ns").min(),
-        pl.col("until_ns").max().alias("end_ns"),
-        pl.len().alias("n_executions"),
-        pl.col("outcome").is_in(_FAILED).sum().alias("n_failed"),
-        ((pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null()).sum().alias("n_open"),
+    spans = (
+        intervals.filter(top_level())
+        .group_by("run_id")
+        .agg(
+            pl.col("agent").unique().sort().alias("seen"),
+            pl.col("start_ns").min(),
+            pl.col("until_ns").max().alias("end_ns"),
+            pl.len().alias("n_executions"),
+            pl.col("outcome").is_in(_FAILED).sum().alias("n_failed"),
+            ((pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null()).sum().alias("n_open"),
+        )
     )
     files = events.sort("run_id", "seq").group_by("run_id").agg(pl.col("path").first())
     rows = (
@@ -55,8 +59,12 @@ def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
 def _facts(events: pl.DataFrame) -> pl.DataFrame:
     """Return name and declared agents per run, from its first run_started."""
     started = events.filter(pl.col("kind") == "run_started").sort("run_id", "seq").unique("run_id", keep="first")
-    rows = [(run, *_declared(details)) for run, details in started.select("run_id", "details").sort("run_id").iter_rows()]
-    return pl.DataFrame(rows, schema={"run_id": pl.String, "name": pl.String, "agents": pl.List(pl.String)}, orient="row")
+    rows = [
+        (run, *_declared(details)) for run, details in started.select("run_id", "details").sort("run_id").iter_rows()
+    ]
+    return pl.DataFrame(
+        rows, schema={"run_id": pl.String, "name": pl.String, "agents": pl.List(pl.String)}, orient="row"
+    )
 
 
 def _declared(details: str) -> tuple[str, list[str]]:

@@ -115,23 +115,40 @@ SYNERGIES: Final = pl.Schema(
 
 RUNS: Final = pl.Schema(
     {
-        "run_id": pl.String,
-        "name": pl.String,
-        "path": pl.String,  # of its first segment
-        "agents": pl.List(pl.String),
-        "start_ns": pl.Int64,  # first start of an execution
-        "end_ns": pl.Int64,  # last end
-        "makespan_s": pl.Float64,
-        "n_executions": pl.Int64,
-        "n_failed": pl.Int64,
-        "n_open": pl.Int64,
-        "outcome": pl.String,  # of the run; "" when it has no run_ended event
+        "run_id": pl.String(),
+        "name": pl.String(),
+        "path": pl.String(),  # of its first segment
+        "agents": pl.List(pl.String()),
+        "start_ns": pl.Int64(),  # first start of an execution
+        "end_ns": pl.Int64(),  # last end
+        "makespan_s": pl.Float64(),
+        "n_executions": pl.Int64(),
+        "n_failed": pl.Int64(),
+        "n_open": pl.Int64(),
+        "outcome": pl.String(),  # of the run; "" when it has no run_ended event
     }
 )
 """One row per run, ordered by (start_ns, run_id)."""
 
 METRICS: Final = pl.Schema({"run_id": pl.String, "metric": pl.String, "key": pl.String, "value": pl.Float64})
 """One row per run, metric and key: "H" of an agent, "H|R" of a pair, "H>R" of a direction, "" of the run."""
+
+CRITICAL_PATH: Final = pl.Schema(
+    {
+        "run_id": pl.String,
+        "agent": pl.String,
+        "task": pl.String,
+        "execution_id": pl.String,
+        "item_id": pl.String,
+        "earliest_start_ns": pl.Int64,  # were nothing waited for but what must come before
+        "earliest_end_ns": pl.Int64,
+        "latest_start_ns": pl.Int64,  # without making the longest chain longer
+        "latest_end_ns": pl.Int64,
+        "slack_ns": pl.Int64,  # latest - earliest
+        "critical": pl.Boolean,  # no slack
+    }
+)
+"""One row per execution that is no step of another, as in `INTERVALS`; instants count from the run's first start."""
 
 SIGNALS: Final = pl.Schema({"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64, "value": pl.Float64})
 """One row per sample; joint states are named "agent/joint"."""

@@ -86,4 +86,4 @@ def synergy_table(
         pl.lit(estimator).alias("estimator"),
         pl.lit(None, pl.Float64).alias("synergy_free"),
     )
-    return table.select(SYNERGIES.names()).cast(dict(SYNERGIES)).sort(PAIR)
+    return table.select(SYNERGIES.names()).cast(SYNERGIES).sort(PAIR)

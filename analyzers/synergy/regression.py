@@ -19,8 +19,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.busy import busy_times
-from hrclog.analyzers.schemas import SYNERGIES
-from hrclog.analyzers.synergy.least_squares import Floats, LeastSquares, fit
+from hrclog.analyzers.synergy.least_squares import Floats, fit
 from hrclog.analyzers.synergy.outliers import Outliers, inliers
 from hrclog.analyzers.synergy.pairs import (
     PAIR,
@@ -72,7 +71,7 @@ def paper(intervals: pl.DataFrame, outliers: Outliers = "none") -> pl.DataFrame:
 
 
 def _with_met_time(pairs: pl.DataFrame, executions: pl.DataFrame) -> pl.DataFrame:
-    """Add `met_s` = D_k - o_k0, the time within k in which the other agent was busy: no sum where it overlaps itself."""
+    """Add `met_s` = D_k - o_k0, the time within k in which the other agent was busy, a union and no sum."""
     busy = busy_times(executions)
     spans = executions.select("run_id", "execution_id", "start_ns", "end_ns")
     keyed = pairs.join(spans, on=["run_id", "execution_id"], maintain_order="left").with_row_index("row")
@@ -94,37 +93,37 @@ def _estimate(
     response: pl.Expr,
     share: pl.Expr,
 ) -> pl.DataFrame:
+    from threadpoolctl import threadpool_limits
+
     terms = pairs.with_columns(response.alias("response"), share.alias("share"))
     mean_of = {(agent, task): mean for agent, task, mean in means.iter_rows()}
-    rows = [
-        row
-        for (agent, task, other), part in terms.sort(*PAIR, "run_id", "execution_id", "other_execution_id").group_by(
-            "agent", "task", "other_agent", maintain_order=True
-        )
-        for row in _regress((str(agent), str(task), str(other)), part, mean_of, outliers)
-    ]
-    return synergy_table(intervals, pairs, pl.DataFrame(rows, schema=_COEFFICIENTS, orient="row"), name)
+    terms = terms.sort(*PAIR, "run_id", "execution_id", "other_execution_id")
+    # many small problems: threads make each slower, and its last digits depend on their number
+    with threadpool_limits(1, "blas"):
+        rows = [
+            row
+            for (agent, task, other), part in terms.group_by("agent", "task", "other_agent", maintain_order=True)
+            for row in _regress((str(agent), str(task), str(other)), part, mean_of, outliers)
+        ]
+    coefficients = pl.DataFrame(rows, schema=_COEFFICIENTS, orient="row").fill_nan(None)
+    return synergy_table(intervals, pairs, coefficients, name)
 
 
 def _regress(
     main: tuple[str, str, str], part: pl.DataFrame, mean_of: dict[tuple[str, str], float], outliers: Outliers
 ) -> Iterator[tuple[Any, ...]]:
-    """Yield the coefficient rows of one main task against one other agent."""
+    """Yield the coefficient rows of one main task against one other agent; NaN where not identified."""
     agent, task, other = main
     x, y, columns = _matrices(part, other, mean_of)
     kept = inliers(y, outliers)
     x, y = x[kept], y[kept]
-    met = x.any(axis=0)
-    result = fit(x[:, met], y) if met.any() else None
-    for number, column in enumerate(np.flatnonzero(met)):
-        yield (other, columns[column], agent, task, *_numbers(result, number))
-
-
-def _numbers(result: LeastSquares | None, number: int) -> tuple[float | None, float | None, float | None, float | None, bool]:
-    assert result is not None  # noqa: S101 - there is a result where there is a column
-    values = (result.coefficients, result.std_errors, result.low, result.high)
-    synergy, error, low, high = (None if np.isnan(array[number]) else float(array[number]) for array in values)
-    return synergy, error, low, high, bool(result.identified[number])
+    met = np.flatnonzero(x.any(axis=0))
+    if not len(met):
+        return
+    result = fit(x[:, met], y)
+    numbers = np.stack([result.coefficients, result.std_errors, result.low, result.high], axis=1).tolist()
+    for column, values, identified in zip(met.tolist(), numbers, result.identified.tolist(), strict=True):
+        yield (other, columns[column], agent, task, *values, identified)
 
 
 def _matrices(
@@ -136,8 +135,8 @@ def _matrices(
         pl.col("other_task").rank("dense").sub(1).alias("j"),
     )
     columns = part["other_task"].unique().sort().to_list()
-    size = (int(wide["k"].max() or 0) + 1, len(columns))  # type: ignore[arg-type]  # a rank is a number
     k, j = wide["k"].to_numpy().astype(np.int64), wide["j"].to_numpy().astype(np.int64)
-    y = np.bincount(k, wide["response"].to_numpy(), size[0])
-    x = np.bincount(k * size[1] + j, wide["share"].to_numpy(), size[0] * size[1]).reshape(size)
+    n, p = int(k.max()) + 1, len(columns)
+    y = np.bincount(k, wide["response"].to_numpy(), n).astype(np.float64, copy=False)
+    x = np.bincount(k * p + j, wide["share"].to_numpy(), n * p).reshape(n, p)
     return x * np.array([mean_of[other, column] for column in columns]), y, columns

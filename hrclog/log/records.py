@@ -154,7 +154,7 @@ def read_streamed(data: bytes) -> Contents:
     """Read a file from front to end, past whatever is damaged."""
     contents = Contents()
     if data[: len(MAGIC)] != MAGIC:
-        contents.problems.append(Problem("no_header", 0, "the file does not begin with the MCAP magic bytes"))
+        contents.problems.append(Problem("no_header", 0, "the file ends before its MCAP header: 0 events"))
         return contents
     loose: list[tuple[int, ...]] = []
     for record in walk(data, contents.problems):
@@ -172,7 +172,7 @@ def read_streamed(data: bytes) -> Contents:
             contents.problems.append(Problem("corrupt_data", offset, str(error)))
     _flush(contents, data, loose)
     if contents.header is None and not contents.problems:
-        contents.problems.append(Problem("no_header", len(data), "the file ends before its header"))
+        contents.problems.append(Problem("no_header", len(data), "the file ends before its header: 0 events"))
     return contents
 
 

@@ -11,8 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-_RECIPE: Final = re.compile(r"^(?P<planner>.+?)_rec_\d+_rep_\d+_(?P<session>.+)_(?P<counter>\d+)$")
-_COUNTER: Final = re.compile(r"^(?P<planner>.*?)_?(?P<counter>\d+)$")
+_RECIPE: Final = re.compile(r"(?P<planner>.+?)_rec_\d+_rep_\d+_(?P<session>.+)", re.DOTALL)
+_DIGITS: Final = "0123456789"
+_LONGEST_COUNTER: Final = 9  # digits; a longer number is a time or an id
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +32,18 @@ def gap_report(recipes: Iterable[str]) -> list[Gap]:
     """
     counters: dict[tuple[str, str], set[int]] = {}
     for recipe in recipes:
-        match = _RECIPE.match(recipe) or _COUNTER.match(recipe)
-        if match:
-            session = match.groupdict().get("session", "")
-            counters.setdefault((match["planner"], session), set()).add(int(match["counter"]))
+        name = recipe.rstrip(_DIGITS)
+        counter = recipe[len(name) :]
+        if 0 < len(counter) <= _LONGEST_COUNTER:
+            counters.setdefault(_planner_and_session(name.removesuffix("_")), set()).add(int(counter))
     totals: dict[str, tuple[int, int]] = {}
     for (planner, _), numbers in counters.items():
         attempts = max(numbers) - min(numbers) + 1
         known, missing = totals.get(planner, (0, 0))
         totals[planner] = (known + attempts, missing + attempts - len(numbers))
     return [Gap(planner, *totals[planner]) for planner in sorted(totals)]
+
+
+def _planner_and_session(name: str) -> tuple[str, str]:
+    match = _RECIPE.fullmatch(name)
+    return (match["planner"], match["session"]) if match else (name, "")

@@ -7,25 +7,25 @@ binary floats in epoch seconds, converted exactly; planned instants are seconds 
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import ROUND_HALF_EVEN, Decimal
 from pathlib import Path
 from typing import Any, Final
 
 from hrclog.diagnostic import Diagnostic
-from hrclog.errors import ImportDataError
-from hrclog.events import Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted
+from hrclog.errors import ImportDataError, OutputError
+from hrclog.events import COLUMNS, Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted, to_row
 from hrclog.ids import derived_id
+from hrclog.log.decode import frame_of_rows
 from hrclog.log.reader import read_log
 from hrclog.log.writer import write_log
+from hrclog.recorders.importers.mongo_dump import document_id, finite_number, read_task_results
 
 SOURCE: Final = "mongo"
 
-_TEXTS: Final = ("name", "agent", "recipe")
-_INSTANTS: Final = ("t_start", "t_end")
+_LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a suffix while it is written
 _KEPT_IN_DETAILS: Final = ("duration_real", "date")
 _UNSAFE: Final = re.compile(r"[^\w.+-]+")
 
@@ -41,10 +41,10 @@ class Imported:
     recipes: list[str] = field(default_factory=list)
 
 
-def import_mongo(
-    sources: Iterable[Path], folder: Path, on_run: Callable[[Path], None] = lambda _: None
-) -> Imported:
+def import_mongo(sources: Iterable[Path], folder: Path, on_run: Callable[[Path], None] = lambda _: None) -> Imported:
     """Write one log per recipe; a recipe whose log is there already is left alone.
+
+    A source that cannot be read is a diagnostic beside the results of the others.
 
     Args:
         sources: dumps of task results.
@@ -52,64 +52,31 @@ def import_mongo(
         on_run: called after each recipe, for progress.
 
     Raises:
-        ImportDataError: a source is no such dump, or an existing log holds another run under the same name.
+        ImportDataError: no source is such a dump, or an existing log says something else than its recipe; then nothing
+            is written.
+        OutputError: the folder cannot be made.
     """
-    result = Imported()
-    executions: list[dict[str, Any]] = []
-    for source in sources:
-        rows, skipped = read_task_results(source)
-        executions += rows
-        result.diagnostics.extend(skipped)
-    folder.mkdir(parents=True, exist_ok=True)
-    n_executions = 0
-    for recipe, rows in sorted(_by_recipe(executions).items()):
-        path = folder / f"{file_name(recipe)}.mcap"
-        events = run_events(recipe, rows)
-        if path.exists():
-            _check_unchanged(path, events)
-            result.unchanged.append(path)
-        else:
-            write_log(path, events)
-            result.written.append(path)
-        result.recipes.append(recipe)
-        n_executions += len(rows)
+    diagnostics: list[Diagnostic] = []
+    runs = _by_recipe(_read_all(list(sources), diagnostics), diagnostics)
+    paths = {recipe: folder / f"{file_name(recipe)}.mcap" for recipe in sorted(runs)}
+    known = {path for path in paths.values() if path.exists()}
+    for recipe, path in paths.items():
+        if path in known:
+            _check_unchanged(path, run_events(recipe, runs[recipe]))
+    _make_folder(folder)
+    written: list[Path] = []
+    for recipe, path in paths.items():
+        if path not in known:
+            write_log(path, run_events(recipe, runs[recipe]))
+            written.append(path)
         on_run(path)
-    return Imported(result.written, result.unchanged, n_executions, result.diagnostics, result.recipes)
-
-
-def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnostic]]:
-    """Return the usable documents of a dump, and a diagnostic for each other.
-
-    Raises:
-        ImportDataError: the file is missing, not JSON, or no array of task results.
-    """
-    try:
-        documents = json.loads(source.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ImportDataError(source, f"a file that cannot be opened ({error.strerror})", "a dump of task_results") from error
-    except ValueError as error:
-        raise ImportDataError(source, f"no JSON ({error})", "a JSON array of task results") from error
-    if isinstance(documents, dict):
-        documents = [documents]
-    if not isinstance(documents, list):
-        raise ImportDataError(source, f"a JSON {type(documents).__name__}", "an array of task results")
-    rows: list[dict[str, Any]] = []
-    skipped: list[Diagnostic] = []
-    for number, document in enumerate(documents):
-        problem = _problem(document)
-        if problem:
-            skipped.append(Diagnostic("skipped_row", f"document {number}: {problem}", str(source)))
-        else:
-            rows.append(document)
-    if documents and not rows:
-        remedy = "give the task_results collection, not task_durations, task_synergies or task_properties"
-        raise ImportDataError(source, f"no task result ({skipped[0].message})", "documents with t_start and t_end", remedy)
-    return rows, skipped
+    unchanged = [path for path in paths.values() if path in known]
+    return Imported(written, unchanged, sum(map(len, runs.values())), diagnostics, list(paths))
 
 
 def run_events(recipe: str, rows: Iterable[Mapping[str, Any]]) -> list[Event]:
     """Return the events of one recipe, in order of time."""
-    ordered = sorted(rows, key=lambda row: (exact_ns(row["t_start"]), row["agent"], _document_id(row)))
+    ordered = sorted(rows, key=lambda row: (exact_ns(row["t_start"]), row["agent"], document_id(row)))
     run_id = derived_id(SOURCE, recipe)
     zero = exact_ns(ordered[0]["t_start"])
     end = max(exact_ns(row["t_end"]) for row in ordered)
@@ -139,7 +106,7 @@ def exact_ns(seconds: float) -> int:
 
 def file_name(recipe: str) -> str:
     """Return a file name for a recipe: the recipe where it is safe, else cleaned and told apart by a hash."""
-    clean = _UNSAFE.sub("_", recipe).strip(".")[:120]
+    clean = _UNSAFE.sub("_", recipe).strip(".").encode()[:_LONGEST_NAME].decode(errors="ignore")
     return clean if clean == recipe else f"{clean}_{derived_id(SOURCE, recipe)[:8]}"
 
 
@@ -149,7 +116,7 @@ def _execution_events(row: Mapping[str, Any], run_id: str, zero: int) -> tuple[T
         "agent": row["agent"],
         "task": row["name"],
         "task_type": str(row.get("type") or ""),
-        "execution_id": derived_id(SOURCE, row["recipe"], _document_id(row)),
+        "execution_id": derived_id(SOURCE, row["recipe"], document_id(row)),
     }
     started = TaskStarted(
         time_ns=exact_ns(row["t_start"]),
@@ -162,66 +129,82 @@ def _execution_events(row: Mapping[str, Any], run_id: str, zero: int) -> tuple[T
         time_ns=exact_ns(row["t_end"]),
         outcome=Outcome.SUCCEEDED if succeeded else Outcome.FAILED,
         reason="" if succeeded else f"outcome {row['outcome']!r}",
-        planned_duration_s=_number(row, "duration_planned"),
-        planning_time_s=_number(row, "planning_time"),
-        path_length=_number(row, "path_length"),
+        planned_duration_s=finite_number(row, "duration_planned"),
+        planning_time_s=finite_number(row, "planning_time"),
+        path_length=finite_number(row, "path_length"),
         details={name: row[name] for name in _KEPT_IN_DETAILS if _is_plain(row.get(name))},
         **identity,
     )
     return started, ended
 
 
-def _problem(document: Any) -> str | None:  # noqa: ANN401 - any JSON value
-    if not isinstance(document, dict):
-        return f"found a {type(document).__name__}, expected an object"
-    for name in _TEXTS:
-        if not isinstance(document.get(name), str) or not document[name]:
-            return f"{name} is {document.get(name)!r}, expected a name"
-    for name in _INSTANTS:
-        value = document.get(name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            return f"{name} is {value!r}, expected epoch seconds"
-    if not 0 <= document["t_start"] <= document["t_end"] < 2**63 / 1e9:
-        return f"t_start {document['t_start']!r} and t_end {document['t_end']!r} are no interval of time"
-    return None
-
-
-def _document_id(row: Mapping[str, Any]) -> str:
-    identity = row.get("_id")
-    if isinstance(identity, dict) and "$oid" in identity:
-        return str(identity["$oid"])
-    return json.dumps([row["agent"], row["name"], row["t_start"], row["t_end"]])
+def _read_all(sources: list[Path], diagnostics: list[Diagnostic]) -> list[tuple[Path, dict[str, Any]]]:
+    """Return (source, document) of all sources; one that cannot be read hides no other."""
+    executions: list[tuple[Path, dict[str, Any]]] = []
+    failures: list[ImportDataError] = []
+    for source in sources:
+        try:
+            rows, found = read_task_results(source)
+        except ImportDataError as error:
+            failures.append(error)
+            continue
+        executions += [(source, row) for row in rows]
+        diagnostics += found
+    if failures and len(failures) == len(sources):
+        raise failures[0]
+    diagnostics += [Diagnostic("unreadable_file", str(error), str(error.path)) for error in failures]
+    return executions
 
 
 def _planned(row: Mapping[str, Any], name: str, zero: int) -> int | None:
-    seconds = _number(row, name)
+    seconds = finite_number(row, name)
     return None if seconds is None else zero + exact_ns(seconds)
 
 
-def _number(row: Mapping[str, Any], name: str) -> float | None:
-    value = row.get(name)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return None
-    return float(value)
-
-
 def _is_plain(value: Any) -> bool:  # noqa: ANN401 - any JSON value
-    return value is not None and not (isinstance(value, float) and not math.isfinite(value))
+    if value is None:
+        return False
+    try:
+        json.dumps(value, allow_nan=False)
+    except ValueError:
+        return False
+    return True
 
 
-def _by_recipe(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+def _by_recipe(
+    executions: Iterable[tuple[Path, Mapping[str, Any]]], diagnostics: list[Diagnostic]
+) -> dict[str, list[Mapping[str, Any]]]:
     """Group documents by recipe; the same document given twice counts once."""
     runs: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for row in rows:
-        runs.setdefault(row["recipe"], {}).setdefault(_document_id(row), row)
+    for source, row in executions:
+        kept = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), row)
+        if repr(kept) != repr(row):  # NaN differs from itself, its text does not
+            text = (
+                f"a second, different document has the id {document_id(row)} in {row['recipe']!r}; the first was kept"
+            )
+            diagnostics.append(Diagnostic("skipped_row", text, str(source)))
     return {recipe: list(documents.values()) for recipe, documents in runs.items()}
 
 
 def _check_unchanged(path: Path, events: list[Event]) -> None:
-    existing = read_log(path).events
-    found = set(existing["run_id"].unique())
-    if found != {events[0].run_id}:
-        raise ImportDataError(path, "a log of another run", "no file, or the log of the same recipe", "use an empty folder")
+    existing = read_log(path).events.sort("seq").select(COLUMNS)
+    if set(existing["run_id"]) != {events[0].run_id}:
+        found, expected = "a log of another run", "no file, or the log of the same recipe"
+        raise ImportDataError(path, found, expected, "use an empty folder")
+    remedy = "the dump has changed since: import into an empty folder"
     if existing.height != len(events):
-        remedy = "the dump has changed since: import into an empty folder"
-        raise ImportDataError(path, f"a log of {existing.height} events", f"{len(events)} events of this recipe", remedy)
+        raise ImportDataError(
+            path, f"a log of {existing.height} events", f"{len(events)} events of this recipe", remedy
+        )
+    imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
+    for seq, (old, new) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
+        if old != new:
+            name, was, now = next(fact for fact in zip(COLUMNS, old, new, strict=True) if fact[1] != fact[2])
+            raise ImportDataError(path, f"{name} {was!r} in event {seq}", f"{now!r} as in the dump", remedy)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(folder, f"the folder cannot be made ({error.strerror})") from error

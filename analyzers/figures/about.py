@@ -1,0 +1,57 @@
+"""What a recording says about itself: facts, how to read it, and what is not drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from hrclog.analyzers.figures.campaign import CampaignFigures
+from hrclog.analyzers.figures.run import RunFigures
+from hrclog.analyzers.figures.table import number
+from hrclog.analyzers.figures.text import markdown_escape
+
+_RUN_LEGEND: Final = (
+    "A lane shows what an agent did; below it, pale, what was planned, and its safety state.",
+    "Vermilion and ✗: failed or timed out. Grey and ||: paused. Pale and -: canceled or skipped. #2: second attempt.",
+    "Gaps are idle time. A second lane of an agent holds what it did at the same time.",
+    "Overlap so far: the time in which both agents have been busy at once.",
+)
+_CAMPAIGN_LEGEND: Final = (
+    "Synergy: factor on a task's duration while another agent is at one of its own; above 1 it takes longer.",
+    "Coefficients: the synergies again, with their 95 % intervals, largest first.",
+    "Overlap: time in which two tasks ran at once, in seconds and as a share of the row's task.",
+    "Durations: of executions that succeeded, by agent and task.",
+)
+
+
+def about_run(figures: RunFigures) -> str:
+    """Return the markdown page of a run."""
+    return _page(figures.name, _table(figures.facts), _RUN_LEGEND, figures.captions)
+
+
+def about_campaign(figures: CampaignFigures) -> str:
+    """Return the markdown page of a campaign."""
+    return _page(figures.name, _table(figures.facts), _CAMPAIGN_LEGEND, figures.captions)
+
+
+def _page(name: str, facts: Sequence[str], legend: Sequence[str], left_out: Sequence[str]) -> str:
+    lines = [f"# {markdown_escape(name)}", "", *facts, "", "## How to read it", "", *_bullets(legend)]
+    if left_out:
+        lines += ["", "## Not drawn", "", *_bullets(left_out)]
+    return "\n".join(lines)
+
+
+def _table(facts: Sequence[tuple[str, str | float]]) -> list[str]:
+    return [
+        "| fact | value |",
+        "|:--|:--|",
+        *[f"| {markdown_escape(name)} | {_shown(value)} |" for name, value in facts],
+    ]
+
+
+def _bullets(texts: Sequence[str]) -> list[str]:
+    return [f"- {markdown_escape(text)}" for text in texts]
+
+
+def _shown(value: str | float) -> str:
+    return number(value) if isinstance(value, float) else markdown_escape(str(value))

@@ -1,0 +1,107 @@
+"""How long each task took: boxes, whiskers, outliers and means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from hrclog.analyzers.figures.arrays import FloatArray
+from hrclog.analyzers.figures.text import shorten
+from hrclog.events import Outcome, Role
+
+MAX_BOXES: Final = 40
+_TOGETHER: Final = 24
+MAX_OUTLIERS: Final = 40
+_REACH: Final = 1.5
+
+HOW_TO_READ: Final = (
+    "Box: quartiles and median; whiskers: 1.5 times the box; dots: outliers; white circle: mean; "
+    "in brackets: executions."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Seconds of one (agent, task): quartiles, whiskers, outliers, mean, and executions counted."""
+
+    agent: str
+    task: str
+    count: int
+    q25: float
+    median: float
+    q75: float
+    low: float
+    high: float
+    mean: float
+    outliers: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class BoxPlot:
+    """A box per (agent, task), sorted by both; `agent` is "" if there are several."""
+
+    agent: str
+    title: str
+    boxes: tuple[Box, ...]
+    captions: tuple[str, ...] = ()
+
+
+def duration_boxes(intervals: pl.DataFrame, max_boxes: int = MAX_BOXES) -> list[BoxPlot]:
+    """Return the durations of primary executions that ended and succeeded: one plot, or one per agent if it gets long.
+
+    Args:
+        intervals: a frame of schema `INTERVALS`.
+        max_boxes: tasks drawn per plot; beyond it those executed most often.
+    """
+    samples = (
+        intervals.filter(
+            (pl.col("outcome") == Outcome.SUCCEEDED.value)
+            & (pl.col("role") != Role.AUXILIARY.value)
+            & pl.col("end_ns").is_not_null()
+        )
+        .select("agent", "task", ((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("seconds"))
+        .group_by("agent", "task")
+        .agg(pl.col("seconds").sort(), pl.len().alias("n"))
+        .sort("agent", "task")
+    )
+    if samples.height <= min(_TOGETHER, max_boxes):
+        return [_plot("", samples, max_boxes)]
+    return [_plot(str(agent), own, max_boxes) for (agent,), own in samples.group_by("agent", maintain_order=True)]
+
+
+def _plot(agent: str, samples: pl.DataFrame, max_boxes: int) -> BoxPlot:
+    captions = [HOW_TO_READ]
+    if samples.height > max_boxes:
+        captions.append(f"{max_boxes} of {samples.height} tasks are drawn, those executed most often.")
+        samples = samples.sort("n", descending=True, maintain_order=True).head(max_boxes).sort("agent", "task")
+    boxes = [_box(who, task, np.asarray(seconds)) for who, task, seconds in samples.drop("n").iter_rows()]
+    hidden = sum(left_out for _, left_out in boxes)
+    if hidden:
+        captions.append(f"{hidden:,} outliers are not drawn: at most {MAX_OUTLIERS} per task, the extreme ones.")
+    title = "Durations of tasks that succeeded" + (f": {shorten(agent, 40)}" if agent else "")
+    return BoxPlot(agent, title, tuple(box for box, _ in boxes), tuple(captions))
+
+
+def _box(agent: str, task: str, sample: FloatArray) -> tuple[Box, int]:
+    """Return the box of a sorted sample and how many outliers it leaves out (whiskers after Tukey)."""
+    q25, median, q75 = np.quantile(sample, (0.25, 0.5, 0.75))
+    reach = _REACH * (q75 - q25)
+    inside = sample[(sample >= q25 - reach) & (sample <= q75 + reach)]
+    outside = sample[(sample < q25 - reach) | (sample > q75 + reach)]
+    shown = outside[np.sort(np.argsort(-np.abs(outside - median), kind="stable")[:MAX_OUTLIERS])]
+    box = Box(
+        agent,
+        task,
+        len(sample),
+        float(q25),
+        float(median),
+        float(q75),
+        float(inside[0]),
+        float(inside[-1]),
+        float(sample.mean()),
+        tuple(shown.tolist()),
+    )
+    return box, len(outside) - len(shown)

@@ -1,0 +1,50 @@
+"""How much the tasks of two agents overlapped: in seconds, and as a share of the task."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+
+from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix
+from hrclog.analyzers.figures.text import shorten
+
+
+def overlap_matrices(pair_overlaps: pl.DataFrame) -> list[tuple[Heatmap, Heatmap]]:
+    """Return (seconds, mean ratio) per ordered pair of agents.
+
+    Args:
+        pair_overlaps: a frame of schema `PAIR_OVERLAPS`.
+    """
+    return [_pair(agents, cells) for agents, cells in agent_pairs(pair_overlaps)]
+
+
+def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> tuple[Heatmap, Heatmap]:
+    agent, other = (shorten(name, 28) for name in agents)
+    drawn = axes(cells, "overlap_s", agents)
+    empty = Heatmap(
+        agents=agents,
+        title="",
+        row_title=f"task of {agent}",
+        column_title=f"while {other} does",
+        rows=drawn.rows,
+        columns=drawn.columns,
+        values=np.empty((0, 0)),
+        scale="sequential",
+        counts=matrix(cells, "n", drawn),
+    )
+    seconds = replace(
+        empty,
+        title=f"Overlap: {agent} with {other}, total seconds",
+        values=matrix(cells, "overlap_s", drawn),
+        digits=1,
+        captions=("n counts pairs of executions that overlap.", *drawn.captions),
+    )
+    ratio = replace(
+        empty,
+        title=f"Overlap: {agent} with {other}, mean share of the row's task",
+        values=matrix(cells, "mean_ratio", drawn),
+        captions=("Mean over all executions of the row's task, zeros included.", *drawn.captions),
+    )
+    return seconds, ratio

@@ -1,0 +1,113 @@
+"""Everything drawable of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import polars as pl
+
+from hrclog.analyzers.figures.events import EventLines, event_lines, pauses, safety_lanes
+from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, limited
+from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales
+from hrclog.analyzers.figures.table import DataTable
+
+_KINDS: Final = {"done": 0, "planned": 1, "safety": 2}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunFigures:
+    """The pictures of a run; all times are ns since its first event, which was at `origin_ns`."""
+
+    run_id: str
+    name: str
+    origin_ns: int
+    facts: tuple[tuple[str, str | int | float], ...]
+    gantt: Gantt
+    series: tuple[Series, ...]
+    events: EventLines
+    tasks: DataTable
+    captions: tuple[str, ...] = ()
+
+
+def run_figures(
+    run: Mapping[str, Any], intervals: pl.DataFrame, events: pl.DataFrame, signals: pl.DataFrame
+) -> RunFigures:
+    """Return the figures of a run.
+
+    Args:
+        run: a row of schema `RUNS`.
+        intervals: its executions, schema `INTERVALS`.
+        events: its flat events, columns of `hrclog.events.COLUMNS`.
+        signals: its samples, schema `SIGNALS`.
+    """
+    origin, end = _span(run, intervals, events, signals)
+    lanes, captions = limited(_lanes(intervals, events, origin, end))
+    signal_lines, left_out = signal_series(signals, origin)
+    overlap_lines, pairs_left_out = overlaps_so_far(intervals, origin)
+    lines = event_lines(events, origin)
+    starts = [bar.start_ns for lane in lanes for bar in lane.bars]
+    ends = [bar.end_ns for lane in lanes for bar in lane.bars]
+    return RunFigures(
+        run_id=run["run_id"],
+        name=run["name"] or run["run_id"],
+        origin_ns=origin,
+        facts=_facts(run),
+        gantt=Gantt(lanes, min([0, *starts]), max([end - origin, *ends])),
+        series=(*speed_scales(events, origin, end), *signal_lines, *overlap_lines),
+        events=lines,
+        tasks=_tasks(intervals, origin),
+        captions=(*captions, *left_out, *pairs_left_out, *lines.captions),
+    )
+
+
+def _span(
+    run: Mapping[str, Any], intervals: pl.DataFrame, events: pl.DataFrame, signals: pl.DataFrame
+) -> tuple[int, int]:
+    times = [run["start_ns"], run["end_ns"]]
+    for frame, columns in ((intervals, ("start_ns", "until_ns")), (events, ("time_ns",)), (signals, ("time_ns",))):
+        times += [value for column in columns for value in (frame[column].min(), frame[column].max())]
+    known = [int(time) for time in times if time is not None]
+    origin = events["time_ns"].min() if events.height else min(known, default=0)
+    return int(origin), max(known, default=0)  # type: ignore[arg-type]
+
+
+def _lanes(intervals: pl.DataFrame, events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Lane]:
+    lanes = execution_lanes(intervals, pauses(events, end_ns), origin_ns) + safety_lanes(events, origin_ns, end_ns)
+    return sorted(lanes, key=lambda lane: (lane.agent, _KINDS[lane.kind], lane.number))
+
+
+def _tasks(intervals: pl.DataFrame, origin_ns: int) -> DataTable:
+    ordered = intervals.sort("start_ns", "agent", "task", "execution_id")
+    frame = ordered.select(
+        "agent",
+        "task",
+        "outcome",
+        "attempt",
+        _seconds(pl.col("start_ns") - origin_ns, "start_s"),
+        _seconds(pl.col("end_ns") - pl.col("start_ns"), "duration_s"),
+        _seconds(pl.col("paused_ns"), "paused_s"),
+        _seconds(pl.col("planned_start_ns") - origin_ns, "planned_start_s"),
+        "reason",
+    )
+    return DataTable("tasks", "Executions", frame, times_ns=(ordered["start_ns"] - origin_ns).to_numpy())
+
+
+def _seconds(ns: pl.Expr, name: str) -> pl.Expr:
+    return (ns / 1e9).round(3).alias(name)  # to read; the tables beside the recording are exact
+
+
+def _facts(run: Mapping[str, Any]) -> tuple[tuple[str, str | int | float], ...]:
+    facts = {
+        "run": run["name"],
+        "run_id": run["run_id"],
+        "outcome": run["outcome"] or "unknown",
+        "makespan_s": run["makespan_s"],
+        "agents": ", ".join(run["agents"] or ()),
+        "executions": run["n_executions"],
+        "failed": run["n_failed"],
+        "open": run["n_open"],
+        "log": run["path"],
+    }
+    return tuple((name, value) for name, value in facts.items() if value is not None)

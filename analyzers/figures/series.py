@@ -1,0 +1,86 @@
+"""Numbers over the time of a run: speed scale, signals, and how long two agents have worked at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from hrclog.analyzers.busy import BusyTime
+from hrclog.analyzers.figures.arrays import FloatArray, IntArray
+from hrclog.analyzers.figures.text import shorten
+
+MAX_SERIES: Final = 24
+MAX_SAMPLES: Final = 50_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """Values over ns since the first event, shapes (n,); `step` holds a value until the next, else lines join them."""
+
+    group: str
+    name: str
+    times_ns: IntArray
+    values: FloatArray
+    step: bool = False
+
+
+def speed_scales(events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Series]:
+    """Return the speed scale of each agent that has one, held until `end_ns`."""
+    rows = events.filter((pl.col("kind") == "safety_state_changed") & pl.col("speed_scale").is_not_null())
+    found = []
+    for (agent,), own in rows.group_by("agent", maintain_order=True):
+        times, values = own["time_ns"].to_numpy(), own["speed_scale"].to_numpy()
+        times = np.append(times, max(end_ns, int(times[-1]))) - origin_ns
+        found.append(Series("speed scale", str(agent), times, np.append(values, values[-1]), step=True))
+    return found
+
+
+def overlaps_so_far(
+    intervals: pl.DataFrame, origin_ns: int, max_series: int = MAX_SERIES
+) -> tuple[list[Series], list[str]]:
+    """Return the seconds that each pair of agents has worked at once so far, and what is not drawn.
+
+    The lines are exact: they bend only where an agent starts or stops.
+    """
+    busy = {
+        str(agent): BusyTime(own["start_ns"].to_numpy(), own["until_ns"].to_numpy())
+        for (agent,), own in intervals.group_by("agent", maintain_order=True)
+    }
+    pairs = list(combinations(sorted(busy), 2))
+    found = [_overlap_so_far(busy, one, other, origin_ns) for one, other in pairs[:max_series]]
+    rest = len(pairs) - len(found)
+    return found, [f"The overlap of {rest} further pairs of agents is not drawn."] if rest else []
+
+
+def signal_series(
+    signals: pl.DataFrame, origin_ns: int, max_series: int = MAX_SERIES, max_samples: int = MAX_SAMPLES
+) -> tuple[list[Series], list[str]]:
+    """Return the logged signals, grouped by what stands before the "/" in their names, and what is not drawn."""
+    found: list[Series] = []
+    captions = []
+    thinned = 0
+    names = signals["name"].unique(maintain_order=True).sort().to_list()
+    if len(names) > max_series:
+        captions.append(f"The first {max_series} of {len(names)} signals are drawn.")
+    for name in names[:max_series]:
+        own = signals.filter(pl.col("name") == name).sort("time_ns", maintain_order=True)
+        every = -(-own.height // max_samples)
+        thinned += every > 1
+        own = own.gather_every(every)
+        group = name.rpartition("/")[0] or "signals"
+        found.append(Series(group, name, own["time_ns"].to_numpy() - origin_ns, own["value"].to_numpy()))
+    if thinned:
+        captions.append(f"{thinned} signals are thinned to at most {max_samples:,} samples each.")
+    return found, captions
+
+
+def _overlap_so_far(busy: dict[str, BusyTime], one: str, other: str, origin_ns: int) -> Series:
+    a, b = busy[one], busy[other]
+    knots = np.unique(np.concatenate([a.start, a.end, b.start, b.end]))
+    together = np.minimum(a.within(knots[:-1], knots[1:]), b.within(knots[:-1], knots[1:]))
+    name = f"{shorten(one, 30)} and {shorten(other, 30)}"
+    return Series("overlap so far (s)", name, knots - origin_ns, np.append(0, np.cumsum(together)) / 1e9)

@@ -1,0 +1,332 @@
+"""The Rerun back end: recordings that open laid out. The one module that knows Rerun.
+
+Entities of a run are under /timeline (a lane per agent), /signals, /events, /tasks and /about, on the timeline
+`run_time` (since the run's first event); those of a campaign under /synergy, /coefficients, /overlap, /durations,
+/tables and /about, mostly static. Everything that happens in time is sent as columns, never as one call per event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint import archetypes as rrba
+from rerun.blueprint import encodings as rrbe
+
+from hrclog.analyzers.figures.about import about_campaign, about_run
+from hrclog.analyzers.figures.boxplot_canvas import boxplot_canvas
+from hrclog.analyzers.figures.campaign import CampaignFigures
+from hrclog.analyzers.figures.canvas import Canvas, Dot, Rect, Stroke
+from hrclog.analyzers.figures.coefficients_canvas import coefficients_canvas
+from hrclog.analyzers.figures.gantt import Gantt, Lane, state_changes
+from hrclog.analyzers.figures.heatmap import Heatmap
+from hrclog.analyzers.figures.palette import CARD, Color
+from hrclog.analyzers.figures.raster import draw_heatmap
+from hrclog.analyzers.figures.run import RunFigures
+from hrclog.analyzers.figures.series import Series
+from hrclog.analyzers.figures.table import DataTable, markdown
+from hrclog.analyzers.figures.text import UNNAMED, printable, shorten
+from hrclog.errors import OutputError
+
+RUN_APPLICATION: Final = "hrclog"
+CAMPAIGN_APPLICATION: Final = "hrclog-campaign"
+"""A blueprint belongs to an application: with one name the campaign's would be laid over every run opened beside it."""
+TIMELINE: Final = "run_time"
+MAX_MARKDOWN_ROWS: Final = 100
+
+
+def save_run(figures: RunFigures, path: Path | str) -> None:
+    """Write the recording of one run.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    with _recording(RUN_APPLICATION, figures.run_id, figures.name, path, _run_blueprint(figures)) as rec:
+        rec.send_recording_start_time_nanos(figures.origin_ns)
+        rec.send_property("run", _properties(figures.facts))
+        for lane in figures.gantt.lanes:
+            _send_lane(rec, lane)
+        for series in figures.series:
+            _send_series(rec, series)
+        _send_events(rec, figures)
+        if figures.tasks.times_ns is not None:
+            _send_rows(rec, "/tasks/rows", _times(figures.tasks.times_ns), figures.tasks.frame)
+        _send_text(rec, "/tasks/text", markdown(figures.tasks, MAX_MARKDOWN_ROWS))
+        _send_text(rec, "/about", about_run(figures))
+
+
+def save_campaign(figures: CampaignFigures, path: Path | str) -> None:
+    """Write the recording of a campaign.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    pictures = _pictures(figures)
+    blueprint = _campaign_blueprint(figures, pictures)
+    with _recording(CAMPAIGN_APPLICATION, figures.campaign_id, figures.name, path, blueprint) as rec:
+        rec.send_property("campaign", _properties(figures.facts))
+        for entity, canvas in pictures.items():
+            _send_canvas(rec, f"{entity}/picture", canvas)
+        for kind, heatmap in _heatmaps(figures):
+            tensor = rr.Tensor(heatmap.values, dim_names=("task", "other task"))
+            rec.log(f"{_pair_path(kind, heatmap.agents)}/values", tensor, static=True, strict=True)
+        for table in figures.tables:
+            _send_table(rec, table)
+        _send_text(rec, "/about", about_campaign(figures))
+
+
+def _pictures(figures: CampaignFigures) -> dict[str, Canvas]:
+    heatmaps = {
+        _pair_path(kind, one.agents): Canvas(_while(one.agents), draw_heatmap(one)) for kind, one in _heatmaps(figures)
+    }
+    coefficients = {_pair_path("coefficients", one.agents): coefficients_canvas(one) for one in figures.coefficients}
+    durations = {_entity("durations", one.agent or "all"): boxplot_canvas(one) for one in figures.durations}
+    return heatmaps | coefficients | durations
+
+
+def _while(agents: tuple[str, str]) -> str:
+    return f"{shorten(agents[0], 28)} while {shorten(agents[1], 28)} works"
+
+
+@contextmanager
+def _recording(
+    application: str, recording_id: str, name: str, path: Path | str, blueprint: rrb.Blueprint
+) -> Iterator[rr.RecordingStream]:
+    # automatic properties hold the time of rendering: two renderings of one log would differ
+    rec = rr.RecordingStream(application, recording_id=recording_id, send_properties=False)
+    try:
+        rec.save(path, default_blueprint=blueprint)
+    except (OSError, RuntimeError) as error:
+        raise OutputError(path, f"the recording cannot be written ({error})") from error
+    try:
+        rec.send_recording_name(name)
+        yield rec
+    finally:
+        rec.disconnect()
+
+
+# entities
+
+
+def _entity(*parts: str) -> str:
+    return rr.new_entity_path([part or UNNAMED for part in parts])
+
+
+def _lane_path(lane: Lane) -> str:
+    return _entity("timeline", lane.agent, f"{lane.kind}_{lane.number + 1}" if lane.number else lane.kind)
+
+
+def _pair_path(kind: str, agents: tuple[str, str]) -> str:
+    return _entity(*kind.split("/"), *agents)
+
+
+def _heatmaps(figures: CampaignFigures) -> list[tuple[str, Heatmap]]:
+    pairs = [(f"overlap/{kind}", one) for two in figures.overlaps for kind, one in zip(_OVERLAPS, two, strict=True)]
+    return [("synergy", heatmap) for heatmap in figures.synergies] + pairs
+
+
+_OVERLAPS: Final = ("seconds", "ratio")
+
+
+# columns
+
+
+def _send_lane(rec: rr.RecordingStream, lane: Lane) -> None:
+    instants, states = state_changes(lane)
+    if not states:
+        return
+    path = _lane_path(lane)
+    colors = {bar.label: bar.color for bar in lane.bars}
+    style = rr.StateConfiguration(values=list(colors), labels=list(colors), colors=_rgba(colors.values()))
+    rec.log(path, style, static=True, strict=True)
+    rec.send_columns(path, [_times(instants)], rr.StateChange.columns(state=states), strict=True)
+
+
+def _send_series(rec: rr.RecordingStream, series: Series) -> None:
+    path = _entity("signals", series.group, series.name)
+    mode = rr.components.InterpolationMode.StepAfter if series.step else rr.components.InterpolationMode.Linear
+    style = rr.SeriesLines(names=[shorten(series.name, 60)], interpolation_mode=mode)
+    rec.log(path, style, static=True, strict=True)
+    rec.send_columns(path, [_times(series.times_ns)], rr.Scalars.columns(scalars=series.values), strict=True)
+
+
+def _send_events(rec: rr.RecordingStream, figures: RunFigures) -> None:
+    lines = figures.events
+    if lines.texts:
+        columns = rr.TextLog.columns(text=lines.texts, level=lines.levels)
+        rec.send_columns("/events", [_times(lines.times_ns)], columns, strict=True)
+
+
+def _send_table(rec: rr.RecordingStream, table: DataTable) -> None:
+    _send_rows(rec, f"/tables/{table.name}/rows", rr.TimeColumn("row", sequence=range(table.frame.height)), table.frame)
+    _send_text(rec, f"/tables/{table.name}/text", markdown(table, MAX_MARKDOWN_ROWS))
+
+
+def _send_rows(rec: rr.RecordingStream, path: str, index: rr.TimeColumn, frame: pl.DataFrame) -> None:
+    if not frame.height:
+        return
+    # arrow arrays pass by Rerun's process-wide table of types, in which equal column names of two tables would clash
+    columns = {name: _arrow(frame[name]) for name in frame.columns}
+    rec.send_columns(path, [index], rr.AnyValues.columns(**columns), strict=True)
+
+
+def _properties(facts: Sequence[tuple[str, str | float]]) -> rr.AnyValues:
+    return rr.AnyValues(**{name: _arrow(pl.Series([value])) for name, value in facts})
+
+
+def _arrow(column: pl.Series) -> pa.Array:
+    return column.to_arrow().cast(pa.string()) if column.dtype == pl.String else column.to_arrow()
+
+
+def _send_canvas(rec: rr.RecordingStream, path: str, canvas: Canvas) -> None:
+    rec.log(path, rr.Image(canvas.backdrop, magnification_filter="Linear"), static=True, strict=True)
+    if canvas.rects:
+        rects = canvas.rects
+        lows, highs = np.array([rect.low for rect in rects]), np.array([rect.high for rect in rects])
+        shapes = rr.Boxes2D(mins=lows, sizes=highs - lows, radii=1.0, **_looks(rects))
+        rec.log(f"{path}/boxes", shapes, static=True, strict=True)
+    if canvas.strokes:
+        strips = [stroke.points for stroke in canvas.strokes]
+        radii = [stroke.width / 2 for stroke in canvas.strokes]
+        rec.log(
+            f"{path}/lines", rr.LineStrips2D(strips, radii=radii, **_looks(canvas.strokes)), static=True, strict=True
+        )
+    if canvas.dots:
+        centers, radii = [dot.center for dot in canvas.dots], [dot.radius for dot in canvas.dots]
+        rec.log(f"{path}/points", rr.Points2D(centers, radii=radii, **_looks(canvas.dots)), static=True, strict=True)
+
+
+def _send_text(rec: rr.RecordingStream, path: str, text: str) -> None:
+    rec.log(path, rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
+
+
+def _times(ns: Iterable[int]) -> rr.TimeColumn:
+    return rr.TimeColumn(TIMELINE, duration=np.asarray(ns, np.int64).astype("timedelta64[ns]"))
+
+
+def _rgba(colors: Iterable[Color]) -> np.typing.NDArray[np.uint8]:
+    return np.array([(*color, 255) for color in colors], np.uint8)
+
+
+def _looks(shapes: Sequence[Rect] | Sequence[Stroke] | Sequence[Dot]) -> dict[str, Any]:
+    """Return colours and labels of shapes; the labels show when a shape is pointed at."""
+    labels = [printable(shape.label) for shape in shapes]
+    return {"colors": _rgba(shape.color for shape in shapes), "labels": labels, "show_labels": False}
+
+
+# blueprints
+
+
+def _run_blueprint(figures: RunFigures) -> rrb.Blueprint:
+    about = rrb.TextDocumentView(origin="/about", name="About this run")
+    if not figures.tasks.frame.height and not figures.events.texts:
+        return _blueprint(rrb.Tabs(about), rrb.TimePanel(state="hidden"))
+    groups = {series.group: series.step for series in figures.series}
+    lines: list[rrb.View | rrb.Container] = [_series_view(figures.gantt, *group) for group in groups.items()]
+    if len(lines) > _SERIES_ROWS:
+        lines[_SERIES_ROWS - 1 :] = [rrb.Tabs(*lines[_SERIES_ROWS - 1 :])]
+    below = rrb.Horizontal(rrb.Tabs(_events_view(), about), rrb.Tabs(*_task_views(figures.tasks)))
+    timeline = rrb.StateTimelineView(origin="/timeline", name="Timeline", time_view=_time_axis(figures.gantt))
+    heights = [_timeline_height(figures.gantt), *[_SERIES_HEIGHT] * len(lines), _BELOW_HEIGHT]
+    panel = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
+    return _blueprint(rrb.Vertical(timeline, *lines, below, row_shares=heights), panel)
+
+
+_SERIES_ROWS: Final = 2
+# shares of the window's height, thought of as px in a window of about 1000
+_SERIES_HEIGHT: Final = 130
+_BELOW_HEIGHT: Final = 270
+
+
+def _timeline_height(gantt: Gantt) -> int:
+    return min(max(45 + 40 * len(gantt.lanes), 130), 600)
+
+
+def _series_view(gantt: Gantt, group: str, step: bool) -> rrb.View:  # noqa: FBT001 - the items of a mapping
+    corner = rrb.Corner2D.RightBottom if step else rrb.Corner2D.LeftTop
+    return rrb.TimeSeriesView(
+        origin=_entity("signals", group),
+        name=shorten(group, 40).capitalize(),
+        axis_x=_time_axis(gantt),
+        axis_y=rrba.ScalarAxis(range=(-0.05, 1.05)) if step else None,
+        plot_legend=rrb.PlotLegend(corner=corner),
+    )
+
+
+def _events_view() -> rrb.View:
+    columns = rrba.TextLogColumns(
+        timeline_columns=[rrbe.TimelineColumn(timeline=TIMELINE)],
+        text_log_columns=[rrbe.TextLogColumn(kind) for kind in ("LogLevel", "Body")],
+    )
+    return rrb.TextLogView(origin="/events", name="Events", columns=columns)
+
+
+def _task_views(table: DataTable) -> list[rrb.View]:
+    query = rrba.DataframeQuery(timeline=TIMELINE)
+    rows = rrb.DataframeView(origin="/tasks/rows", name="Data frame", query=query)
+    text = rrb.TextDocumentView(origin="/tasks/text", name=table.title)
+    if not table.frame.height:
+        return [text]
+    return [text, rows] if table.frame.height <= MAX_MARKDOWN_ROWS else [rows]
+
+
+def _time_axis(gantt: Gantt) -> rrba.TimeAxis:
+    margin = max((gantt.end_ns - gantt.start_ns) // 100, 1)
+    bound = rr.TimeRangeBoundary.absolute
+    # a linked axis would ignore the range and open at +-30 s
+    return rrba.TimeAxis(
+        view_range=rr.TimeRange(start=bound(seq=gantt.start_ns - margin), end=bound(seq=gantt.end_ns + margin))
+    )
+
+
+def _campaign_blueprint(figures: CampaignFigures, pictures: dict[str, Canvas]) -> rrb.Blueprint:
+    pages = [
+        _page(name, [(path, pictures[path]) for path in pictures if path.startswith(root)]) for name, root in _PAGES
+    ]
+    tables = rrb.Tabs(*[_table_view(table) for table in figures.tables], name="Tables")
+    about = rrb.TextDocumentView(origin="/about", name="About")
+    drawn = [page for page in pages if page is not None]
+    return _blueprint(rrb.Tabs(*drawn, tables, about, active_tab=0), rrb.TimePanel(state="hidden"))
+
+
+_PAGES: Final = (
+    ("Synergy", "/synergy/"),
+    ("Coefficients", "/coefficients/"),
+    ("Overlap, seconds", "/overlap/seconds/"),
+    ("Overlap, share", "/overlap/ratio/"),
+    ("Durations", "/durations/"),
+)
+
+
+def _page(name: str, pictures: Sequence[tuple[str, Canvas]]) -> rrb.Container | None:
+    views = [_picture_view(path, canvas) for path, canvas in pictures]
+    if not views:
+        return None
+    return rrb.Horizontal(*views, name=name) if len(views) <= 2 else rrb.Tabs(*views, name=name)
+
+
+def _picture_view(path: str, canvas: Canvas) -> rrb.View:
+    height, width = canvas.backdrop.shape[:2]
+    bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
+    return rrb.Spatial2DView(
+        origin=f"{path}/picture", name=shorten(canvas.name, 60), background=CARD, visual_bounds=bounds
+    )
+
+
+def _table_view(table: DataTable) -> rrb.View:
+    if table.frame.height <= MAX_MARKDOWN_ROWS:
+        return rrb.TextDocumentView(origin=f"/tables/{table.name}/text", name=table.title)
+    query = rrba.DataframeQuery(timeline="row")
+    return rrb.DataframeView(origin=f"/tables/{table.name}/rows", name=table.title, query=query)
+
+
+def _blueprint(root: rrb.Container, panel: rrb.TimePanel) -> rrb.Blueprint:
+    sides = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    return rrb.Blueprint(root, *sides, panel, auto_views=False, auto_layout=False)

@@ -1,0 +1,168 @@
+"""The recordings in a real viewer, without a window: every view shows, and none of them complains."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import polars as pl
+import pytest
+from PIL import Image
+from rerun.experimental import ViewerClient
+
+from hrclog.analyzers.figures import campaign_figures, run_figures
+from hrclog.analyzers.rerun import save_campaign, save_run
+from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
+from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS
+
+S = 1_000_000_000
+PATIENCE_S = 60
+DRIVERS = [Path(folder) for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")]
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not any(folder.glob("*.json") for folder in DRIVERS),
+        reason="no Vulkan driver, which the headless Rerun viewer needs: apt-get install mesa-vulkan-drivers",
+    ),
+]
+
+
+@pytest.fixture
+def viewer(tmp_path: Path) -> Iterator[ViewerClient]:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "rerun_cli", "--headless", "--window-size", "1000x700", "--port", str(port)]
+    environment = os.environ | {"HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)}
+    log = (tmp_path / "viewer.log").open("wb")
+    process = subprocess.Popen(command, stdout=log, stderr=log, env=environment, start_new_session=True)
+    try:
+        _wait_for(port, process)
+        yield ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)
+        process.wait(PATIENCE_S)
+        log.close()
+
+
+def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
+    until = time.monotonic() + PATIENCE_S
+    while process.poll() is None and time.monotonic() < until:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 0.2):
+            return
+        time.sleep(0.1)
+    pytest.fail("the viewer did not start")
+
+
+def show(viewer: ViewerClient, path: Path) -> None:
+    viewer.open(str(path))
+    until = time.monotonic() + PATIENCE_S
+    while (state := viewer.get_state()).loading or not state.views:
+        assert time.monotonic() < until, "the recording did not load"
+        time.sleep(0.1)
+    time.sleep(1)
+
+
+def tabs(viewer: ViewerClient) -> Iterator[str]:
+    """Bring every tab to the front in turn, and yield its path."""
+    layout = viewer.get_blueprint().blueprint
+    for path, parts in layout.items():
+        container = parts.get("ContainerBlueprint", {})
+        if container.get("container_kind") != "Tabs":
+            continue
+        for tab in container["contents"]:
+            changed = copy.deepcopy(layout)
+            changed[path]["ContainerBlueprint"]["active_tab"] = tab
+            viewer.set_blueprint(changed, of="recording")
+            time.sleep(0.7)
+            yield tab
+
+
+def complaints(viewer: ViewerClient) -> list[str]:
+    reports = [f"{view.name}: {report.summary}" for view in viewer.get_state().views for report in view.reports]
+    logged = [entry.message for entry in viewer.get_logs() if entry.level != "INFO"]
+    return reports + [message for message in logged if "Software rasterizer" not in message]
+
+
+def colours(viewer: ViewerClient, picture: Path) -> int:
+    viewer.save_screenshot(str(picture))
+    with Image.open(picture) as image:
+        assert image.size == (1000, 700)
+        return len(image.convert("RGB").getcolors(1_000_000) or ())
+
+
+def interval(agent: str, task: str, start: int, end: int, outcome: str = "succeeded") -> dict[str, object]:
+    row: dict[str, object] = {name: "" if kind == pl.String else None for name, kind in INTERVALS.items()}
+    row |= {"run_id": "run-1", "agent": agent, "task": task, "role": "primary", "attempt": 1, "outcome": outcome}
+    row |= {"execution_id": f"{agent}{start}", "start_ns": start * S, "end_ns": end * S, "until_ns": end * S}
+    return row | {"planned_start_ns": start * S, "planned_end_ns": end * S, "paused_ns": 0}
+
+
+ROWS = pl.DataFrame(
+    [
+        interval("H", "pick", 0, 5),
+        interval("H", "place", 6, 9),
+        interval("R", "weld", 2, 6, "failed"),
+        interval("R", "weld", 6, 8),
+    ],
+    schema=INTERVALS,
+    orient="row",
+)
+RUN = dict.fromkeys(RUNS) | {"run_id": "run-1", "name": "a run", "path": "a.mcap", "agents": ["H", "R"], "outcome": ""}
+
+
+def test_every_view_of_a_run_shows_without_complaint(viewer: ViewerClient, tmp_path: Path) -> None:
+    ints = {*INT_COLUMNS, "schema_version", "attempt", "seq"}
+    kinds = {name: pl.Float64 if name in FLOAT_COLUMNS else pl.Int64 if name in ints else pl.String for name in COLUMNS}
+    blank = {name: "" if kind == pl.String else None for name, kind in kinds.items()}
+    log = [
+        blank | {"kind": "run_started", "time_ns": 0},
+        blank | {"kind": "safety_state_changed", "time_ns": 3 * S, "agent": "R", "mode": "stop", "speed_scale": 0.0},
+        blank | {"kind": "safety_state_changed", "time_ns": 4 * S, "agent": "R", "mode": "normal", "speed_scale": 1.0},
+    ]
+    signals = pl.DataFrame([("run-1", "gap", at * S, at / 2) for at in range(9)], SIGNALS, orient="row")
+    figures = run_figures(RUN, ROWS, pl.DataFrame(log, schema=pl.Schema(kinds), orient="row"), signals)
+    save_run(figures, tmp_path / "run.rrd")
+    show(viewer, tmp_path / "run.rrd")
+    seen = {view.view_class for view in viewer.get_state().views}
+    assert seen == {"StateTimeline", "TimeSeries", "TextLog", "Dataframe", "TextDocument"}
+    (recording,) = viewer.get_state().recordings
+    assert (recording.current_timeline, recording.current_time) == ("run_time", 0)
+    assert colours(viewer, tmp_path / "run.png") > 100
+    assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * 7
+
+
+def test_every_view_of_a_campaign_shows_without_complaint(viewer: ViewerClient, tmp_path: Path) -> None:
+    known = {"synergy": 1.2, "ci_low": 1.0, "ci_high": 1.4, "n": 6, "overlap_s": 3.0, "mean_ratio": 0.5, "status": "ok"}
+    pairs = [
+        {"agent": one, "task": task, "other_agent": other, "other_task": with_, "estimator": "aft"} | known
+        for one, task, other, with_ in (
+            ("H", "pick", "R", "weld"),
+            ("H", "place", "R", "weld"),
+            ("R", "weld", "H", "pick"),
+            ("R", "weld", "H", "place"),
+        )
+    ]
+    overlaps, synergies = (
+        pl.DataFrame([{name: pair.get(name) for name in schema} for pair in pairs], schema=schema, orient="row")
+        for schema in (PAIR_OVERLAPS, SYNERGIES)
+    )
+    tabled = [dict.fromkeys(DURATIONS) | {"agent": "H", "task": task, "count": 1} for task in ("pick", "place")]
+    durations = pl.DataFrame(tabled, schema=DURATIONS, orient="row")
+    runs = pl.DataFrame([RUN], schema=RUNS, orient="row")
+    save_campaign(campaign_figures(ROWS, overlaps, durations, synergies, runs, []), tmp_path / "campaign.rrd")
+    show(viewer, tmp_path / "campaign.rrd")
+    seen = {view.view_class for view in viewer.get_state().views}
+    assert seen == {"2D", "TextDocument"}
+    assert colours(viewer, tmp_path / "campaign.png") > 100
+    assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * (7 + 5)
