@@ -53,7 +53,7 @@ def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
             .alias("name"),
         )
     )
-    return rows.select(RUNS.names()).cast(dict(RUNS)).sort("start_ns", "run_id", nulls_last=True)
+    return rows.select(RUNS.names()).cast(RUNS).sort("start_ns", "run_id", nulls_last=True)
 
 
 def _facts(events: pl.DataFrame) -> pl.DataFrame:

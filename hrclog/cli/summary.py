@@ -16,7 +16,7 @@ _MOST_ROWS = 40
 
 def summary(analysis: Analysis, output: Path) -> str:
     """Return the tables that a person reads first."""
-    parts = [_headline(analysis), _durations(analysis), _synergies(analysis)]
+    parts = [_headline(analysis), _durations(analysis), _metrics(analysis), _synergies(analysis)]
     parts.append(
         f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd\nLook at it: hrclog view {output}"
     )
@@ -62,6 +62,21 @@ def _durations(analysis: Analysis) -> str:
         + table(header, rows, lambda i: i > 1)
         + _more(analysis.durations.height)
     )
+
+
+def _metrics(analysis: Analysis) -> str:
+    """Return mean and spread over the runs of every metric but the makespan, which stands in the headline."""
+    rows = []
+    groups = analysis.metrics.sort("metric", "key").group_by("metric", "key", maintain_order=True)
+    for (metric, key), part in groups:
+        if metric != "makespan_s":
+            values: list[float] = part["value"].to_list()
+            spread = stdev(values) if len(values) > 1 else None
+            rows.append((str(metric), str(key), number(mean(values)), number(spread), str(len(values))))
+    if not rows:
+        return ""
+    shown = table(("metric", "of", "mean", "std", "runs"), rows[:_MOST_ROWS], lambda i: i > 1)
+    return f"Metrics per run (fractions of the makespan, *_s in seconds; docs/metrics.md)\n{shown}{_more(len(rows))}"
 
 
 def _synergies(analysis: Analysis) -> str:
