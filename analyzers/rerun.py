@@ -116,7 +116,9 @@ def _recording(
 
 
 def _entity(*parts: str) -> str:
-    return rr.new_entity_path([part or UNNAMED for part in parts])
+    # Rerun 0.41 reads an escaped backslash before the next "/" as an escaped slash, and would join two parts
+    whole = [part + "_" if part.endswith("\\") else part or UNNAMED for part in parts]
+    return rr.new_entity_path(whole)
 
 
 def _lane_path(lane: Lane) -> str:

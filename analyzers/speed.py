@@ -28,13 +28,15 @@ class SpeedProfile:
 
     def pieces(self, start: IntArray, end: IntArray) -> tuple[IntArray, IntArray, npt.NDArray[np.float64]]:
         """Return (begin, end, scale) of the constant pieces within disjoint sorted blocks."""
+        if not len(start):
+            return start, end, np.empty(0)
         edges = np.unique(np.concatenate([start, end, self.time_ns]))
         begins, ends = edges[:-1], edges[1:]
         block = np.searchsorted(start, begins, "right") - 1
-        inside = (block >= 0) & (begins < end[np.maximum(block, 0)])
+        inside = (block >= 0) & (begins < end[block])
         begins, ends = begins[inside], ends[inside]
-        at = np.searchsorted(self.time_ns, begins, "right") - 1
-        return begins, ends, np.where(at >= 0, self.scale[np.maximum(at, 0)], 1.0)
+        changed = np.searchsorted(self.time_ns, begins, "right")
+        return begins, ends, np.concatenate([[1.0], self.scale])[changed]
 
     def lost_ns(self, start: IntArray, end: IntArray) -> float:
         """Return the integral of 1 - scale over disjoint sorted blocks."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -41,9 +41,7 @@ def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
     Raises:
         HrclogError: there is no viewer, or no display to open a window on.
     """
-    if importlib.util.find_spec("rerun_cli") is None:
-        raise HrclogError("found no Rerun viewer, expected the one of the rerun-sdk package; pip install rerun-sdk")
-    command = [sys.executable, "-m", "rerun_cli", *map(str, recordings)]
+    command = [viewer_path(), *map(str, recordings)]
     if web_port is not None:
         command += ["--serve-web", "--web-viewer-port", str(web_port), "--bind", "127.0.0.1"]
     elif not has_display():
@@ -52,6 +50,19 @@ def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
             f"found no display, expected one to open a window on; use --web, or open {first} on a desktop machine"
         )
     return subprocess.run(command, check=False).returncode  # noqa: S603 - our own interpreter and the user's paths
+
+
+def viewer_path() -> str:
+    """Return the viewer's program: the one beside this Python, else the one on the PATH.
+
+    Raises:
+        HrclogError: there is none.
+    """
+    # `python -m rerun_cli` would hide the viewer's exit code
+    found = shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
+    if found is None:
+        raise HrclogError("found no Rerun viewer, expected the one of the rerun-sdk package; pip install rerun-sdk")
+    return found
 
 
 def has_display() -> bool:

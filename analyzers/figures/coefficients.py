@@ -53,7 +53,7 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame, max_rows: int) -> Coeffi
         "Pale: the interval holds 1. Hollow: sparse (n < 5) or weakly identified.",
     ]
     if observed.height < cells.height:
-        captions.append(f"{cells.height - observed.height} unobserved pairs have no coefficient.")
+        captions.append(f"Unobserved pairs, without a coefficient: {cells.height - observed.height:,}.")
     if observed.height > max_rows:
         captions.append(f"{max_rows} of {observed.height} coefficients are drawn, those of the longest overlap.")
         observed = observed.sort("overlap_s", descending=True, nulls_last=True, maintain_order=True).head(max_rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import polars as pl
@@ -61,7 +61,6 @@ class Gantt:
     lanes: tuple[Lane, ...]
     start_ns: int
     end_ns: int
-    captions: tuple[str, ...] = field(default=())
 
 
 def execution_lanes(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -39,10 +39,13 @@ class Heatmap:
     doubtful: BoolArray | None = None
     digits: int = 2
     captions: tuple[str, ...] = ()
+    common_limit: float | None = None
 
     @property
     def limit(self) -> float:
-        """Return the value at the end of the scale: the largest one, at least 1.25 and at most 4 if diverging."""
+        """Return the end of the scale: the common one, or the largest value (at least 1.25, at most 4 if diverging)."""
+        if self.common_limit is not None:
+            return self.common_limit
         known = self.values[np.isfinite(self.values) & (self.values > 0)]
         if self.scale == "sequential":
             return float(known.max(initial=0.0)) or 1.0
@@ -55,6 +58,12 @@ class Heatmap:
         if self.scale == "sequential":
             return sequential(value / self.limit)
         return diverging(float(np.log(value) / np.log(self.limit)) if value > 0 else -1.0)
+
+
+def on_one_scale(heatmaps: Sequence[Heatmap]) -> list[Heatmap]:
+    """Return the heatmaps with one scale, so that a colour means the same in each of them."""
+    limit = max((heatmap.limit for heatmap in heatmaps), default=None)
+    return [replace(heatmap, common_limit=limit) for heatmap in heatmaps]
 
 
 @dataclass(frozen=True, slots=True)

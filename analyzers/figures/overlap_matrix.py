@@ -7,17 +7,19 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix
+from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix, on_one_scale
 from hrclog.analyzers.figures.text import shorten
 
 
 def overlap_matrices(pair_overlaps: pl.DataFrame) -> list[tuple[Heatmap, Heatmap]]:
-    """Return (seconds, mean ratio) per ordered pair of agents.
+    """Return (seconds, mean ratio) per ordered pair of agents, each kind on one scale.
 
     Args:
         pair_overlaps: a frame of schema `PAIR_OVERLAPS`.
     """
-    return [_pair(agents, cells) for agents, cells in agent_pairs(pair_overlaps)]
+    pairs = [_pair(agents, cells) for agents, cells in agent_pairs(pair_overlaps)]
+    seconds, ratios = (on_one_scale([pair[kind] for pair in pairs]) for kind in (0, 1))
+    return list(zip(seconds, ratios, strict=True))
 
 
 def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> tuple[Heatmap, Heatmap]:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix
+from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix, on_one_scale
 from hrclog.analyzers.figures.text import shorten
 
 HOW_TO_READ: Final = (
@@ -17,12 +17,12 @@ HOW_TO_READ: Final = (
 
 
 def synergy_heatmaps(synergies: pl.DataFrame) -> list[Heatmap]:
-    """Return a heatmap per ordered pair of agents.
+    """Return a heatmap per ordered pair of agents, all on one scale.
 
     Args:
         synergies: a frame of schema `SYNERGIES`.
     """
-    return [_pair(agents, cells) for agents, cells in agent_pairs(synergies)]
+    return on_one_scale([_pair(agents, cells) for agents, cells in agent_pairs(synergies)])
 
 
 def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
@@ -37,7 +37,7 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
     estimator = ", ".join(sorted(set(cells["estimator"].to_list()) - {""}))
     marked = "* sparse (n < 5) or weakly identified." if doubtful.any() else ""
     unseen = int(np.isnan(values).sum())
-    grey = f"Grey, n/a: {unseen} pairs that were never observed together." if unseen else ""
+    grey = f"Grey, n/a: never observed together ({unseen:,})." if unseen else ""
     return Heatmap(
         agents=agents,
         title=f"Synergy: {agent} while {other} works" + (f" ({estimator})" if estimator else ""),

@@ -33,8 +33,3 @@ def shorten(text: str, width: int) -> str:
 def markdown_escape(text: str) -> str:
     """Return the text so that a markdown cell shows it as it is; "" stays ""."""
     return printable(text).translate(_MARKDOWN) if text else ""
-
-
-def seconds(value: float) -> str:
-    """Return a duration for a caption, e.g. "94.1 s"."""
-    return f"{value:,.1f} s"

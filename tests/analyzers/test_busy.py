@@ -55,5 +55,7 @@ def test_busy_times_are_kept_per_run_and_agent_without_the_steps_of_a_sequence()
         row("A", "x", 0, 2, run_id="s"),
         row("B", "home", 7, 8, run_id="s", role="auxiliary"),
     ]
-    found = {run: {agent: busy.total for agent, busy in agents.items()} for run, agents in busy_times(frame(rows)).items()}
+    found = {
+        run: {agent: busy.total for agent, busy in agents.items()} for run, agents in busy_times(frame(rows)).items()
+    }
     assert found == {"r": {"A": 9}, "s": {"A": 2, "B": 1}}

@@ -113,7 +113,7 @@ def test_durations_many_orders_apart_have_a_fit() -> None:
 
 def test_the_wilson_interval_is_the_textbook_one() -> None:
     # 7 of 10: Wilson 1927, as in scipy.stats.binomtest(7, 10).proportion_ci(method="wilson")
-    assert wilson(7, 10) == pytest.approx((0.7, 0.39677815, 0.89220870), abs=1e-8)
+    assert wilson(7, 10) == pytest.approx((0.7, 0.39677815, 0.89220873), abs=1e-8)
     interval = stats.binomtest(50, 51).proportion_ci(method="wilson")
     assert wilson(50, 51)[1:] == pytest.approx((interval.low, interval.high))
     assert wilson(0, 0) == (None, None, None)

@@ -94,6 +94,7 @@ def test_a_label_is_short_printable_and_never_empty() -> None:
         assert all(unicodedata.category(char)[0] != "C" for char in label)
     assert shorten("pick_blue_box", 20) == "pick_blue_box"
     assert shorten("", 20) == UNNAMED
+    assert shorten("place_blue_box_on_guide_17", 12) == "place_bl…_17"
 
 
 @given(st.text(), st.integers(3, 40))
@@ -266,6 +267,13 @@ def test_an_unobserved_pair_is_grey_and_has_no_number() -> None:
     assert any("never observed" in text for text in heatmap.captions)
 
 
+def test_a_colour_means_the_same_in_both_directions() -> None:
+    frame_ = synergies(2).with_columns(pl.when(agent="A").then(3.0).otherwise("synergy").alias("synergy"))
+    one, other = synergy_heatmaps(frame_)
+    assert one.limit == other.limit == pytest.approx(3.0)
+    assert one.color(1.1) == other.color(1.1)
+
+
 def test_a_large_matrix_shows_what_overlaps_most_and_says_so() -> None:
     heatmap = synergy_heatmaps(synergies(MAX_SIDE + 5))[0]
     assert heatmap.values.shape == (MAX_SIDE, MAX_SIDE)
@@ -292,7 +300,7 @@ def test_coefficients_leave_out_the_unobserved_and_sort_by_size() -> None:
     plot = synergy_coefficients(synergies(3))[0]
     assert len(plot.rows) == 8
     assert [row.value for row in plot.rows] == sorted((row.value for row in plot.rows), reverse=True)
-    assert "1 unobserved pairs have no coefficient." in plot.captions
+    assert "Unobserved pairs, without a coefficient: 1." in plot.captions
     long = synergy_coefficients(synergies(9))[0]
     assert len(long.rows) == MAX_ROWS
     assert f"{MAX_ROWS} of 80 coefficients are drawn, those of the longest overlap." in long.captions
@@ -341,6 +349,14 @@ def test_many_tasks_get_a_plot_per_agent_and_the_rest_is_said() -> None:
     assert f"{MAX_BOXES} of 45 tasks are drawn, those executed most often." in plots[0].captions
 
 
+def test_a_few_tasks_share_a_plot_and_more_of_them_do_not() -> None:
+    for each, plots in ((12, [""]), (13, ["A", "B"])):
+        rows = frame(
+            *(execution(agent, f"t{index}", 10 * index, 10 * index + 5) for agent in "AB" for index in range(each))
+        )
+        assert [plot.agent for plot in duration_boxes(rows)] == plots
+
+
 def test_outliers_beyond_the_limit_are_counted() -> None:
     lengths = [*([1.0] * 900), *range(100, 100 + MAX_OUTLIERS + 7)]
     rows = frame(*(execution("R", "pick", 1000 * at, 1000 * at + length) for at, length in enumerate(lengths)))
@@ -350,13 +366,15 @@ def test_outliers_beyond_the_limit_are_counted() -> None:
 
 
 def test_the_white_circle_of_a_box_is_its_mean() -> None:
-    (plot,) = duration_boxes(frame(execution("R", "pick", 0, 4), execution("R", "pick", 10, 18)))
+    (plot,) = duration_boxes(
+        frame(*(execution("R", "pick", start, start + length) for start, length in ((0, 3), (10, 4), (20, 11))))
+    )
     canvas = boxplot_canvas(plot)
     mean = canvas.dots[-1]
     assert mean.color == (255, 255, 255)
     assert mean.label == "pick: mean 6.000 s"
-    left, right = canvas.rects[0].low[0], canvas.rects[0].high[0]
-    assert mean.center[0] == pytest.approx((left + right) / 2)
+    (left, _), (right, _) = canvas.rects[0].low, canvas.rects[0].high  # quartiles 3.5 and 7.5 s
+    assert mean.center[0] == pytest.approx(left + (right - left) * (6.0 - 3.5) / (7.5 - 3.5))
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
@@ -422,6 +440,7 @@ def test_names_are_wrapped_within_their_width() -> None:
     assert "".join(lines) == "place_blue_box_on_the_guide"
     assert all(text_width(line, 16) <= 90 for line in lines)
     assert len(lines) > 1
+    assert all(line.endswith("_") for line in lines[:-1])
 
 
 def test_any_text_finds_a_font() -> None:

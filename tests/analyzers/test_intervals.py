@@ -20,14 +20,14 @@ from hrclog.errors import InvalidEventError
 from hrclog.events import Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted, from_row
 from hrclog.log.reader import ORDER, read_log
 from hrclog.log.writer import write_log
-from hrclog.state import PLANNED, apply
+from hrclog.state import PLANNED, ExecutionState, apply
 
 Facts = dict[tuple[str, str], dict[str, Any]]
 
 
 def folded(events: pl.DataFrame) -> tuple[Facts, list[tuple[str, str, int]]]:
     """Return executions and (code, run, seq) by the state machine alone, written as plainly as can be."""
-    states: dict[tuple[str, str], Any] = {}
+    states: dict[tuple[str, str], ExecutionState] = {}
     accepted: dict[tuple[str, str], list[Row]] = {}
     found = []
     for row in events.sort(ORDER).to_dicts():
@@ -45,10 +45,12 @@ def folded(events: pl.DataFrame) -> tuple[Facts, list[tuple[str, str, int]]]:
         if code in (None, "invalid_outcome"):
             states[key] = state
             accepted.setdefault(key, []).append(row)
-    return {key: _expected(states[key], accepted[key], events) for key in states if states[key].start_ns is not None}, found
+    return {
+        key: _expected(states[key], accepted[key], events) for key in states if states[key].start_ns is not None
+    }, found
 
 
-def _expected(state: Any, accepted: list[Row], events: pl.DataFrame) -> dict[str, Any]:
+def _expected(state: ExecutionState, accepted: list[Row], events: pl.DataFrame) -> dict[str, Any]:
     by_kind = {row["kind"]: row for row in accepted}
     start, plan = by_kind["task_started"], by_kind.get("task_dispatched", {})
     end = by_kind.get("task_ended", {})
@@ -84,7 +86,9 @@ def test_intervals_and_diagnostics_are_those_of_a_plain_fold_of_the_state_machin
     expected, complaints = folded(events)
     names = ("run_id", "execution_id")
     by_key = {tuple(row[name] for name in names): row for row in found.to_dicts()}
-    assert {key: {name: row[name] for name in INTERVALS if name not in names} for key, row in by_key.items()} == expected
+    assert {
+        key: {name: row[name] for name in INTERVALS if name not in names} for key, row in by_key.items()
+    } == expected
     assert found.height == len(by_key)
     assert found.schema == INTERVALS
     assert sorted((one.code, one.run_id, one.seq) for one in diagnostics) == sorted(complaints)
@@ -133,6 +137,12 @@ def test_an_illegal_event_is_named_with_its_file_and_number(code: str) -> None:
     found, diagnostics = rebuild(frame([*legal, illegal]))
     assert [(one.code, one.path, one.run_id, one.seq) for one in diagnostics] == [(code, PATH, "run", len(legal))]
     assert found.height == min(len(legal), 1)
+
+
+def test_an_end_before_its_start_ends_nothing() -> None:
+    found, diagnostics = rebuild(frame([event("task_ended", 1), event("task_started", 4), event("heartbeat", 9)]))
+    assert found.select("start_ns", "end_ns", "until_ns").rows() == [(4, None, 9)]
+    assert [one.code for one in diagnostics] == ["end_without_start"]
 
 
 def test_every_code_that_the_state_machine_gives_is_explained() -> None:
@@ -223,9 +233,13 @@ def test_a_diagnostic_tells_which_event_was_refused_and_why() -> None:
 
 
 def test_regular_executions_do_not_pass_through_the_state_machine_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: Any) -> Callable[..., Any]:
+    def refuse(*_: object) -> Callable[..., Any]:
         raise AssertionError("a regular execution went through the state machine")
 
     monkeypatch.setattr(module, "apply", refuse)
-    rows = [event(kind, time, execution_id=f"e{n}") for n in range(50) for kind, time in (("task_started", n), ("task_ended", n + 1))]
+    rows = [
+        event(kind, time, execution_id=f"e{n}")
+        for n in range(50)
+        for kind, time in (("task_started", n), ("task_ended", n + 1))
+    ]
     assert intervals(frame(rows)).height == 50

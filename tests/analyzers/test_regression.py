@@ -48,7 +48,8 @@ def naive(found: list[Row], name: str) -> Iterator[Regression]:
     tasks = sorted({(one["agent"], one["task"]) for one in good})
     length = {one["execution_id"]: (one["end_ns"] - one["start_ns"]) / 1e9 for one in good}
     mean = {
-        key: np.mean([length[one["execution_id"]] for one in good if (one["agent"], one["task"]) == key]) for key in tasks
+        key: np.mean([length[one["execution_id"]] for one in good if (one["agent"], one["task"]) == key])
+        for key in tasks
     }
     for agent, task in tasks:
         for other in sorted({key[0] for key in tasks} - {agent}):
@@ -123,7 +124,7 @@ def test_random_runs_agree_with_dense_least_squares(name: str, agents: str, over
 
 @both
 def test_the_real_runs_agree_with_dense_least_squares(name: str, offline: Runs) -> None:
-    assert agrees(offline.intervals.to_dicts(), name) == 30
+    assert agrees(offline.intervals.to_dicts(), name) == 32
 
 
 @both

@@ -23,7 +23,7 @@ _DEFAULTS: Row = {name: "" if kind == pl.String else None for name, kind in INTE
 }
 
 
-def row(agent: str, task: str, start: int, end: int | None, **others: Any) -> Row:
+def row(agent: str, task: str, start: int, end: int | None, **others: object) -> Row:
     """Return one execution; an open one names `until_ns`."""
     times = {"start_ns": start, "end_ns": end, "until_ns": end}
     return _DEFAULTS | {"agent": agent, "task": task} | times | others
@@ -35,7 +35,7 @@ def frame(rows: Iterable[Mapping[str, Any]]) -> pl.DataFrame:
     return pl.DataFrame(numbered, schema=INTERVALS).sort(SORT)
 
 
-def seconds(agent: str, *spans: tuple[float, float], **others: Any) -> list[Row]:
+def seconds(agent: str, *spans: tuple[float, float], **others: object) -> list[Row]:
     """Return executions given as (start, length) in seconds, of tasks t0, t1, …."""
     return [
         row(agent, f"t{number}", round(start * 1e9), round((start + length) * 1e9), **others)
