@@ -13,7 +13,8 @@ import polars as pl
 from hrclog.analyzers.schemas import INTERVALS
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
-from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role, TaskFact, from_row, parse_details
+from hrclog.event_rows import from_row, parse_details
+from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role, TaskFact
 from hrclog.log.reader import ORDER
 from hrclog.state import PLANNED, ExecutionState, apply
 

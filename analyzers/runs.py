@@ -11,7 +11,8 @@ import polars as pl
 from hrclog.analyzers.intervals import top_level
 from hrclog.analyzers.schemas import RUNS
 from hrclog.errors import InvalidEventError
-from hrclog.events import UNKNOWN_OUTCOME, Outcome, parse_details
+from hrclog.event_rows import parse_details
+from hrclog.events import UNKNOWN_OUTCOME, Outcome
 
 _FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)
 

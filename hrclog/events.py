@@ -1,19 +1,15 @@
-"""The event vocabulary: one typed class a kind, one flat row on the wire.
+"""The event vocabulary: one typed class a kind.
 
-Every event is a fact in the past tense. A class names just the fields that mean something for its kind; `to_row`
-lays them out as the flat columns of `hrclog_msgs/msg/TaskEvent`, and what has no column goes into the JSON `details`.
+Every event is a fact in the past tense. A class names just the fields that mean something for its kind;
+`hrclog.event_rows` lays them out as the flat columns of `hrclog_msgs/msg/TaskEvent`.
 """
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, ClassVar, Final
-
-from hrclog.errors import InvalidEventError
 
 SCHEMA_VERSION: Final = 1
 
@@ -267,114 +263,3 @@ EVENT_CLASSES: Final[dict[str, type[Event]]] = {
 """Kind to class, the whole vocabulary."""
 
 TASK_KINDS: Final = tuple(kind for kind, cls in EVENT_CLASSES.items() if issubclass(cls, TaskFact))
-
-_EMPTY_ROW: Final[dict[str, Any]] = (
-    {"schema_version": SCHEMA_VERSION, "attempt": 0, "seq": 0}
-    | dict.fromkeys((*INT_COLUMNS, *FLOAT_COLUMNS))
-    | dict.fromkeys(STRING_COLUMNS, "")
-)
-_FLAT_FIELDS: Final = {
-    cls: tuple(f.name for f in fields(cls) if f.name in _EMPTY_ROW and f.name != "details")
-    for cls in EVENT_CLASSES.values()
-}
-_DETAIL_FIELDS: Final = {
-    cls: tuple((f.name, f) for f in fields(cls) if f.name not in _EMPTY_ROW) for cls in EVENT_CLASSES.values()
-}
-
-
-def to_row(event: Event) -> dict[str, Any]:
-    """Return the flat columns of an event.
-
-    Raises:
-        InvalidEventError: `details` cannot be written as JSON.
-    """
-    if isinstance(event, UnknownEvent):
-        return _EMPTY_ROW | dict(event.row)
-    cls = type(event)
-    row = _EMPTY_ROW.copy()
-    row["kind"] = event.kind
-    for name in _FLAT_FIELDS[cls]:
-        row[name] = getattr(event, name)
-    details = dict(event.details)
-    for name, spec in _DETAIL_FIELDS[cls]:
-        value = getattr(event, name)
-        if value not in (None, (), {}, "") and value != spec.default:
-            details[name] = value
-    if details:
-        row["details"] = _to_json(event.kind, details)
-    return row
-
-
-def from_row(row: Mapping[str, Any]) -> Event:
-    """Return the typed event of a flat row; the inverse of `to_row`.
-
-    Args:
-        row: columns of `COLUMNS`; missing ones count as unset, further ones are ignored.
-
-    Raises:
-        InvalidEventError: `details` is not a JSON object.
-    """
-    kind = row["kind"]
-    cls = EVENT_CLASSES.get(kind)
-    if cls is None:
-        return UnknownEvent(
-            time_ns=row["time_ns"],
-            run_id=row.get("run_id", ""),
-            seq=row.get("seq", 0),
-            row={name: row[name] for name in COLUMNS if name in row},
-        )
-    details = parse_details(row.get("details", ""), kind)
-    values: dict[str, Any] = {name: row[name] for name in _FLAT_FIELDS[cls] if name in row}
-    for name, spec in _DETAIL_FIELDS[cls]:
-        if name in details:
-            value = details.pop(name)
-            values[name] = tuple(value) if spec.default == () and isinstance(value, list) else value
-    return cls(**values, details=details)
-
-
-def parse_details(text: str, kind: str = "event") -> dict[str, Any]:
-    """Return the JSON object of a `details` text, {} for "".
-
-    Raises:
-        InvalidEventError: the text is not a JSON object.
-    """
-    if not text:
-        return {}
-    try:
-        details = json.loads(text)
-    except ValueError as error:
-        raise InvalidEventError(f"{kind}: details are not JSON ({error}): {text[:80]!r}") from error
-    if not isinstance(details, dict):
-        raise InvalidEventError(f"{kind}: details are {type(details).__name__}, expected a JSON object: {text[:80]!r}")
-    return details
-
-
-def check_row(row: Mapping[str, Any]) -> None:
-    """Raise if a row that is about to be written says something that the vocabulary forbids.
-
-    Raises:
-        InvalidEventError: names the field, what was found and what is allowed.
-    """
-    kind = row["kind"]
-    if kind in TASK_KINDS:
-        for name in ("agent", "task", "execution_id"):
-            if not row[name]:
-                raise InvalidEventError(f"{kind}: {name} is empty, expected a name")
-    if kind in ("task_ended", "run_ended") and row["outcome"] not in _OUTCOMES:
-        raise InvalidEventError(f"{kind}: outcome is {row['outcome']!r}, expected one of {', '.join(_OUTCOMES)}")
-    if kind == "task_paused" and row["cause"] not in _CAUSES:
-        raise InvalidEventError(f"{kind}: cause is {row['cause']!r}, expected one of {', '.join(_CAUSES)}")
-    scale = row["speed_scale"]
-    if scale is not None and not (math.isfinite(scale) and 0.0 <= scale):
-        raise InvalidEventError(f"{kind}: speed_scale is {scale!r}, expected a number from 0 (stopped), 1 is full speed")
-
-
-_OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
-_CAUSES: Final = tuple(cause.value for cause in Cause)
-
-
-def _to_json(kind: str, details: Mapping[str, Any]) -> str:
-    try:
-        return json.dumps(details, ensure_ascii=False, separators=(",", ":"), sort_keys=True, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise InvalidEventError(f"{kind}: details cannot be written as JSON ({error})") from error

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
 from hrclog.errors import InvalidEventError, LogExistsError, LogReadError
-from hrclog.events import TaskFact, from_row, parse_details
+from hrclog.event_rows import from_row, parse_details
+from hrclog.events import TaskFact
 from hrclog.ids import new_id
+from hrclog.log.files import exists
+from hrclog.log.journal import journal_path
 from hrclog.log.reader import read_logs
 from hrclog.log.recover import recover
-from hrclog.log.writer import PARTIAL_SUFFIX
 from hrclog.state import PLANNED, ExecutionState, apply
 
 
@@ -35,8 +40,8 @@ def first_segment(path: Path) -> Segment:
     Raises:
         LogExistsError: a log or a journal of that name exists.
     """
-    for existing in (path, _journal(path)):
-        if existing.exists():
+    for existing in (path, journal_path(path)):
+        if exists(existing):
             raise LogExistsError(existing, "choose another name, or continue that run with resume=True")
     return Segment(path, new_id())
 
@@ -45,54 +50,61 @@ def next_segment(path: Path) -> Segment:
     """Return the segment that continues a run; a journal that a killed recorder left is closed first.
 
     Raises:
-        LogReadError: there is no run to continue.
+        LogReadError: there is no run to continue, or a recorder still writes it.
     """
-    number = 1
-    while (existing := segment_path(path, number)).exists() or _journal(existing).exists():
-        if _journal(existing).exists():
-            recover(_journal(existing), existing)
-        number += 1
+    number = next(n for n in count(1) if not _is_there(segment_path(path, n)))
     if number == 1:
         raise LogReadError(path, "nothing", "a run to continue", "record it without resume")
     events = read_logs([segment_path(path, n) for n in range(1, number)]).events
-    if events["run_id"].n_unique() != 1:
-        raise LogReadError(path, f"{events['run_id'].n_unique()} runs", "one run to continue", "name its own log")
+    n_runs = events["run_id"].n_unique()
+    if n_runs != 1:
+        raise LogReadError(path, f"{n_runs} runs", "one run to continue", "record under another name")
+    return _continued(segment_path(path, number), number, events)
+
+
+def segment_path(path: Path, number: int) -> Path:
+    """Return the file of a segment, NAME.mcap, NAME.2.mcap and so on."""
+    return path if number == 1 else path.with_name(f"{path.stem}.{number}.mcap")
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether a segment exists, after closing its journal."""
+    journal = journal_path(path)
+    if exists(journal) and not journal.stat().st_size:
+        journal.unlink()  # killed before the first byte: nothing was acknowledged
+    if exists(journal):
+        recover(journal, path)
+    return exists(path)
+
+
+def _continued(path: Path, number: int, events: pl.DataFrame) -> Segment:
     states, facts = _fold(events.iter_rows(named=True))
     return Segment(
-        path=segment_path(path, number),
+        path=path,
         run_id=events["run_id"][0],
         number=number,
-        next_seq=int(events["seq"].max()) + 1,  # type: ignore[arg-type]  # an int64 column
-        name=_name(events.filter(events["kind"] == "run_started").rows(named=True)),
+        next_seq=int(events.select("seq").max().item()) + 1,
+        name=_name(events.filter(events["kind"] == "run_started")["details"].to_list()),
         states=states,
         facts=facts,
     )
 
 
-def segment_path(path: Path, number: int) -> Path:
-    """Return the file of a segment: NAME.mcap, NAME.2.mcap, NAME.3.mcap, …"""
-    return path if number == 1 else path.with_name(f"{path.stem}.{number}.mcap")
-
-
-def _journal(path: Path) -> Path:
-    return path.with_name(path.name + PARTIAL_SUFFIX)
-
-
-def _fold(rows: Any) -> tuple[dict[str, ExecutionState], dict[str, TaskFact]]:  # noqa: ANN401 - an iterator of row dicts
+def _fold(rows: Iterable[dict[str, Any]]) -> tuple[dict[str, ExecutionState], dict[str, TaskFact]]:
     states: dict[str, ExecutionState] = {}
     facts: dict[str, TaskFact] = {}
     for row in rows:
-        event = from_row(row)
+        event = from_row(row | {"details": ""})  # the state machine asks nothing of them
         if isinstance(event, TaskFact):
             states[event.execution_id] = apply(states.get(event.execution_id, PLANNED), event)[0]
             facts.setdefault(event.execution_id, event)
     return states, facts
 
 
-def _name(rows: list[dict[str, Any]]) -> str:
-    for row in rows:
+def _name(details: list[str]) -> str:
+    for text in details:
         try:
-            return str(parse_details(row["details"]).get("name", ""))
+            return str(parse_details(text).get("name", ""))
         except InvalidEventError:
             continue
     return ""

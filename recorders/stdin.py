@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from hrclog.errors import IllegalEventError, InvalidEventError
-from hrclog.events import Event, Outcome, Role, RunStarted, UnknownEvent, from_row
+from hrclog.event_rows import from_row
+from hrclog.events import Event, Outcome, Role, RunStarted, UnknownEvent
 from hrclog.ids import new_id
 from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.recorders.recorder import Recorder
+from hrclog.recorders.task_handle import instant
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ def record_lines(
 
 def _event(value: dict[str, Any], recorder: Recorder) -> Event:
     row = row_from_object(value)
-    row["time_ns"] = recorder.now_ns() if row["time_ns"] is None else row["time_ns"]
+    row["time_ns"] = instant(row["time_ns"])
     row["seq"] = 0
     row["role"] = row["role"] or Role.PRIMARY.value
     if row["kind"] in ("task_ended", "run_ended"):

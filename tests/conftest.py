@@ -6,9 +6,13 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-settings.register_profile("hrclog", deadline=None)  # a busy machine is no failure
+settings.register_profile(
+    "hrclog",
+    deadline=None,  # a busy machine is no failure
+    suppress_health_check=[HealthCheck.function_scoped_fixture],  # examples may share a folder
+)
 settings.load_profile("hrclog")
 
 BESIDE = Path(__file__).parents[2] / "shared" / "data"

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 from hrclog.errors import LogReadError
 from hrclog.log import channels, message
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from rosbags.highlevel import AnyReader
+    from rosbags.interfaces import Connection
     from rosbags.typesys.store import Typestore
 
 _OUR_TYPES: Final = (message.TYPE_NAME, channels.FLOAT_TYPE, channels.JOINTS_TYPE)
@@ -41,29 +45,16 @@ def read_bag(path: Path) -> list[BagTopic]:
         LogReadError: the bag cannot be opened, or breaks off.
     """
     from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.LATEST)
-    store.register(get_types_from_msg(message.DEFINITION, message.TYPE_NAME))
     topics: dict[int, BagTopic] = {}
     try:
-        with AnyReader([path], default_typestore=store) as reader:
+        with AnyReader([path], default_typestore=_store(message.TYPE_NAME, message.DEFINITION)) as reader:
             wanted = [connection for connection in reader.connections if connection.msgtype in _OUR_TYPES]
-            if not wanted:
+            if not wanted:  # rosbags would take an empty list for all
                 return []
-            for connection in wanted:
-                definition = connection.msgdef.data or (
-                    message.DEFINITION if connection.msgtype == message.TYPE_NAME else ""
-                )
-                topics[id(connection)] = BagTopic(
-                    connection.topic,
-                    connection.msgtype,
-                    definition,
-                    cdr=path.is_dir(),
-                    decode=_decoder(reader.deserialize, connection.msgtype),
-                )
+            topics = {connection.id: _topic(reader, connection, cdr=path.is_dir()) for connection in wanted}
             for connection, time_ns, raw in reader.messages(wanted):
-                topic = topics[id(connection)]
+                topic = topics[connection.id]
                 topic.times_ns.append(time_ns)
                 topic.messages.append(bytes(raw))
     except Exception as error:
@@ -77,11 +68,8 @@ def definition_decoder(type_name: str, definition: str) -> Callable[[bytes], Any
     Raises:
         ValueError: the definition cannot be parsed.
     """
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store: Typestore = get_typestore(Stores.LATEST)
     try:
-        store.register(get_types_from_msg(definition, type_name))
+        store = _store(type_name, definition)
     except Exception as error:
         raise ValueError(f"the definition of {type_name} cannot be parsed ({error})") from error
     return lambda raw: store.deserialize_cdr(raw, type_name)
@@ -92,5 +80,17 @@ def fields_of(decoded: Any, names: Sequence[str]) -> Mapping[str, Any]:  # noqa:
     return {name: getattr(decoded, name) for name in names if hasattr(decoded, name)}
 
 
-def _decoder(deserialize: Callable[..., Any], type_name: str) -> Callable[[bytes], Any]:
-    return lambda raw: deserialize(raw, type_name)
+@lru_cache(maxsize=8)
+def _store(type_name: str, definition: str) -> Typestore:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.LATEST)
+    store.register(get_types_from_msg(definition, type_name))
+    return store
+
+
+def _topic(reader: AnyReader, connection: Connection, *, cdr: bool) -> BagTopic:
+    """Return a topic without its messages; a bag that carries no definitions is taken to hold our own."""
+    name = connection.msgtype
+    definition = connection.msgdef.data or (message.DEFINITION if name == message.TYPE_NAME else "")
+    return BagTopic(connection.topic, name, definition, cdr, lambda raw: reader.deserialize(raw, name))

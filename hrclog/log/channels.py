@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from hrclog.errors import InvalidEventError
@@ -37,11 +37,11 @@ _DEFINITIONS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class ChannelSpec:
-    """A channel to be: topic, message type and what the topic stands for."""
+    """A channel to be: topic, message type and, as pairs of key and value, what the topic stands for."""
 
     topic: str
     type_name: str
-    metadata: Mapping[str, str] = field(default_factory=dict, hash=False, compare=False)
+    metadata: tuple[tuple[str, str], ...] = ()
 
     @property
     def definition(self) -> bytes:
@@ -54,26 +54,34 @@ EVENTS: Final = ChannelSpec(EVENTS_TOPIC, message.TYPE_NAME)
 
 def lane(agent: str) -> ChannelSpec:
     """Return the channel of an agent's active task, "" when idle."""
-    return ChannelSpec(f"/hrc/agents/{topic_name(agent)}/active_task", STRING_TYPE, {"agent": agent})
+    return ChannelSpec(f"/hrc/agents/{topic_name(agent)}/active_task", STRING_TYPE, (("agent", agent),))
 
 
 def float_signal(name: str, run_id: str) -> ChannelSpec:
     """Return the channel of a scalar signal."""
-    return ChannelSpec(f"/hrc/signals/{topic_name(name)}", FLOAT_TYPE, {"signal": name, "run_id": run_id})
+    return ChannelSpec(f"/hrc/signals/{topic_name(name)}", FLOAT_TYPE, (("signal", name), ("run_id", run_id)))
 
 
 def joint_states(agent: str, run_id: str) -> ChannelSpec:
     """Return the channel of an agent's joints."""
-    metadata = {"agent": agent, "run_id": run_id}
+    metadata = (("agent", agent), ("run_id", run_id))
     return ChannelSpec(f"/hrc/agents/{topic_name(agent)}/joint_states", JOINTS_TYPE, metadata)
 
 
 def topic_name(name: str) -> str:
-    """Return a valid ROS topic token for any text; different texts give different tokens."""
+    """Return a valid ROS topic token for any text; different texts give different tokens.
+
+    Raises:
+        InvalidEventError: the text is not valid Unicode.
+    """
     token = re.sub(r"\W", "_", name, flags=re.ASCII)
     if token == name and token and not token[0].isdigit() and "__" not in token:
         return token
-    return f"_{token.strip('_')}_{zlib.crc32(name.encode(errors='surrogatepass')):08x}".replace("__", "_")
+    try:
+        checksum = zlib.crc32(name.encode())
+    except UnicodeEncodeError as error:
+        raise InvalidEventError(f"found the name {name!r}, expected valid Unicode") from error
+    return re.sub("_+", "_", f"_{token}_{checksum:08x}")
 
 
 def encode_string(text: str) -> bytes:
@@ -95,17 +103,21 @@ def encode_joints(time_ns: int, names: Sequence[str], positions: Sequence[float]
         positions: rad or m, shape (n,).
 
     Raises:
-        InvalidEventError: the two differ in length.
+        InvalidEventError: the two differ in length, a name is not valid Unicode, or the time is out of range.
     """
     if len(names) != len(positions):
-        raise InvalidEventError(f"joint state: found {len(names)} names and {len(positions)} positions, expected as many")
-    body = bytearray(struct.pack("<iI", time_ns // 10**9, time_ns % 10**9))
-    body += _string("")
-    _align(body, 4)
-    body += struct.pack("<I", len(names))
-    for name in names:
+        found = f"{len(names)} names and {len(positions)} positions"
+        raise InvalidEventError(f"joint state: found {found}, expected as many")
+    try:
+        body = bytearray(struct.pack("<iI", time_ns // 10**9, time_ns % 10**9))
+        body += _string("")
         _align(body, 4)
-        body += _string(name)
+        body += struct.pack("<I", len(names))
+        for name in names:
+            _align(body, 4)
+            body += _string(name)
+    except (struct.error, UnicodeEncodeError) as error:
+        raise InvalidEventError(f"joint state: a field cannot be written ({error})") from error
     for values in (positions, (), ()):
         _align(body, 4)
         body += struct.pack("<I", len(values))
@@ -126,7 +138,7 @@ def decode_joints(data: bytes) -> tuple[list[str], tuple[float, ...]]:
         _, position = _read_string(data, position)
         position, (count,) = _read(data, position, 4, "<I")
         names = []
-        for _ in range(count):
+        for _ in range(int(count)):
             name, position = _read_string(data, position)
             names.append(name)
         position, (count,) = _read(data, position, 4, "<I")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -14,15 +16,20 @@ from hrclog.errors import InvalidEventError
 from hrclog.events import COLUMNS
 from hrclog.log import channels, message
 from hrclog.log.bags import BagTopic, definition_decoder, fields_of
+from hrclog.log.contents import Batch, Contents
 from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.log.message import EVENTS
-from hrclog.log.records import Batch, Contents
+from hrclog.log.signals import decode_signals, is_signal
 
 Complain = Callable[[str, str, int | None], None]
 """Takes a diagnostic code, a message and the byte offset or None."""
 
 EVENT_COLUMNS: Final = pl.Schema({name: EVENTS[name] for name in (*COLUMNS, "log_time_ns")})
-SIGNAL_COLUMNS: Final = pl.Schema({"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64, "value": pl.Float64})
+
+_MAX_REASONS: Final = 10
+
+_Decode = Callable[[bytes], Any]
+_DecodeBatch = Callable[[Batch], pl.DataFrame]
 
 
 @dataclass(slots=True)
@@ -40,79 +47,65 @@ def is_event_channel(channel: Channel, schema: Schema | None) -> bool:
 
 def is_wanted(channel: Channel, schema: Schema | None) -> bool:
     """Return whether a channel carries events or signals."""
-    return is_event_channel(channel, schema) or _is_signal(channel)
+    return is_event_channel(channel, schema) or is_signal(channel)
 
 
-def decode_contents(contents: Contents, complain: Complain) -> Decoded:
-    """Decode the events and signals of an MCAP file."""
+def decode_contents(contents: Contents, complain: Complain, *, signals: bool) -> Decoded:
+    """Decode the events and, if wanted, signals of an MCAP file."""
     decoded = Decoded()
-    strange: dict[int, Callable[[bytes], Any] | None] = {}
+    decoders = _event_decoders(contents, complain)
     for batch in contents.batches:
         for channel_id in np.unique(batch.channel).tolist():
-            channel = contents.channels.get(channel_id)
             part = _select(batch, batch.channel == channel_id)
+            channel = contents.channels.get(channel_id)
             if channel is None:
-                complain("corrupt_data", f"{len(part.start)} messages are on channel {channel_id}, which is not declared",
-                         int(part.start[0]))
-                continue
-            schema = contents.schemas.get(channel.schema_id)
-            if is_event_channel(channel, schema):
-                decoded.events.append(_events(part, channel, schema, strange, complain))
-            elif _is_signal(channel):
-                decoded.signals.append(_signals(part, channel))
+                text = f"{len(part.start)} messages are on channel {channel_id}, which is not declared"
+                complain("corrupt_data", text, int(part.start[0]))
+            elif channel_id in decoders:
+                decoded.events.append(decoders[channel_id](part))
+            elif signals and is_signal(channel):
+                decoded.signals.append(decode_signals(part, channel))
     return decoded
 
 
-def decode_topics(topics: Iterable[BagTopic], complain: Complain) -> Decoded:
-    """Decode the events and signals of a bag."""
+def decode_topics(topics: Iterable[BagTopic], complain: Complain, *, signals: bool) -> Decoded:
+    """Decode the events and, if wanted, signals of a bag."""
     decoded = Decoded()
     for topic in topics:
         batch = _joined(topic)
+        channel = Channel(0, topic.topic, channels.CDR, {}, 0)
         if topic.type_name == message.TYPE_NAME:
-            if topic.cdr and _is_our_layout(topic.definition):
-                decoded.events.append(_fast_events(batch, topic.decode, complain))
-            else:
-                decoded.events.append(_general_events(batch, topic.decode, complain))
-        elif topic.cdr and topic.topic.startswith("/hrc/"):
-            schema_id = 0
-            channel = Channel(0, topic.topic, channels.CDR, {}, schema_id)
-            decoded.signals.append(_signals(batch, channel))
+            fast = topic.cdr and _is_our_layout(topic.definition)
+            decode = _fast_events if fast else _general_events
+            decoded.events.append(decode(batch, topic.decode, complain))
+        elif signals and topic.cdr and is_signal(channel):
+            decoded.signals.append(decode_signals(batch, channel))
     return decoded
 
 
-def frame_of_rows(rows: list[dict[str, Any]]) -> pl.DataFrame:
-    """Return flat event rows (with `log_time_ns`) as a frame."""
-    return pl.DataFrame(rows, schema=EVENT_COLUMNS, orient="row")
+def _event_decoders(contents: Contents, complain: Complain) -> dict[int, _DecodeBatch]:
+    """Return by channel how its messages become events."""
+    schemas = {channel.id: contents.schemas.get(channel.schema_id) for channel in contents.channels.values()}
+    return {
+        channel.id: _event_decoder(channel, schemas[channel.id], complain)
+        for channel in contents.channels.values()
+        if is_event_channel(channel, schemas[channel.id])
+    }
 
 
-def _events(
-    part: Batch,
-    channel: Channel,
-    schema: Schema | None,
-    strange: dict[int, Callable[[bytes], Any] | None],
-    complain: Complain,
-) -> pl.DataFrame:
+def _event_decoder(channel: Channel, schema: Schema | None, complain: Complain) -> _DecodeBatch:
     if channel.message_encoding == "json":
-        return _general_events(part, parse_object, complain)
+        return partial(_general_events, decode=parse_object, complain=complain)
     definition = schema.data.decode(errors="replace") if schema is not None else message.DEFINITION
-    if channel.id not in strange:
-        strange[channel.id] = _strange_decoder(channel, definition, complain)
-    decode = strange[channel.id]
-    if channel.message_encoding != channels.CDR or (decode is None and not _is_our_layout(definition)):
-        complain("undecodable_event", f"{len(part.start)} messages of {channel.topic} are encoded as "
-                 f"{channel.message_encoding!r}, expected cdr with a readable definition, or json", None)
-        return frame_of_rows([])
-    return _fast_events(part, decode, complain) if _is_our_layout(definition) else _general_events(part, decode, complain)
-
-
-def _strange_decoder(channel: Channel, definition: str, complain: Complain) -> Callable[[bytes], Any] | None:
-    if channel.message_encoding != channels.CDR or _is_our_layout(definition):
-        return None
+    if channel.message_encoding != channels.CDR:
+        return partial(_no_events, why=f"encoded as {channel.message_encoding!r}", complain=complain)
+    if _is_our_layout(definition):
+        return partial(_fast_events, decode=None, complain=complain)
     try:
-        return definition_decoder(message.TYPE_NAME, definition)
+        decode = definition_decoder(message.TYPE_NAME, definition)
     except ValueError as error:
-        complain("undecodable_event", f"{channel.topic}: {error}", None)
-        return None
+        return partial(_no_events, why=str(error), complain=complain)
+    return partial(_general_events, decode=decode, complain=complain)
 
 
 def _is_our_layout(definition: str) -> bool:
@@ -122,13 +115,25 @@ def _is_our_layout(definition: str) -> bool:
 
 
 def _fields(definition: str) -> list[tuple[str, ...]]:
-    lines = (line.split("#")[0].split() for line in definition.split("=" * 80)[0].splitlines())
+    own = definition.split("=" * 80, maxsplit=1)[0]  # types that it uses follow
+    lines = (line.split("#", maxsplit=1)[0].split() for line in own.splitlines())
     return [tuple(words) for words in lines if words]
 
 
-def _fast_events(part: Batch, decode: Callable[[bytes], Any] | None, complain: Complain) -> pl.DataFrame:
+def _no_events(part: Batch, why: str, complain: Complain) -> pl.DataFrame:
+    text = f"{len(part.start)} messages cannot be decoded ({why}), expected cdr with a readable definition, or json"
+    complain("undecodable_event", text, None)
+    return frame_of_rows([])
+
+
+def _fast_events(part: Batch, decode: _Decode | None, complain: Complain) -> pl.DataFrame:
     frame, good = message.decode_columns(part.data, part.start, part.end)
-    frame = frame.with_columns(pl.Series("log_time_ns", part.log_time[good], pl.Int64)).select(EVENT_COLUMNS.names())
+    stamps = {"log_time_ns": part.log_time, "publish_time": part.publish_time, "sequence": part.sequence}
+    frame = frame.with_columns(pl.Series(name, times[good], pl.Int64) for name, times in stamps.items())
+    frame = frame.with_columns(
+        pl.col("time_ns").fill_null(pl.col("publish_time")), pl.col("seq").fill_null(pl.col("sequence"))
+    )
+    frame = frame.select(EVENT_COLUMNS.names())
     if good.all():
         return frame
     # another byte order, or damage: the general decoder knows
@@ -136,72 +141,44 @@ def _fast_events(part: Batch, decode: Callable[[bytes], Any] | None, complain: C
     return pl.concat([frame, _general_events(_select(part, ~good), decode, complain)])
 
 
-def _general_events(part: Batch, decode: Callable[[bytes], Any] | None, complain: Complain) -> pl.DataFrame:
+def _general_events(part: Batch, decode: _Decode, complain: Complain) -> pl.DataFrame:
+    """Decode message by message; those that fail for the same reason share a complaint."""
     rows: list[dict[str, Any]] = []
-    for start, end, log_time, publish_time, sequence in zip(
-        part.start.tolist(), part.end.tolist(), part.log_time.tolist(), part.publish_time.tolist(),
-        part.sequence.tolist(), strict=True,
-    ):
+    failures: Counter[str] = Counter()
+    offsets: dict[str, int] = {}
+    arrays = (part.start, part.end, part.log_time, part.publish_time, part.sequence)
+    for start, end, log_time, publish_time, sequence in zip(*(array.tolist() for array in arrays), strict=True):
         try:
-            assert decode is not None  # noqa: S101 - callers pass None only for empty parts
-            row = _row(decode(bytes(part.data[start:end])))
-        except InvalidEventError as error:
-            complain("undecodable_event", str(error), start)
-            continue
+            row = _row(decode(part.data[start:end]))
         except Exception as error:  # noqa: BLE001 - a decoder of foreign bytes fails in ways of its own
-            complain("undecodable_event", f"a message of {end - start} bytes cannot be decoded ({error})", start)
+            reason = str(error) if isinstance(error, InvalidEventError) else f"{type(error).__name__}: {error}"
+            reason = reason if reason in failures or len(failures) < _MAX_REASONS else "for further reasons"
+            failures[reason] += 1
+            offsets.setdefault(reason, start)
             continue
         row["time_ns"] = publish_time if row["time_ns"] is None else row["time_ns"]
         row["seq"] = sequence if row["seq"] is None else row["seq"]
         rows.append(row | {"log_time_ns": log_time})
+    for reason, count in failures.items():
+        complain("undecodable_event", f"{count} messages cannot be decoded ({reason})", offsets[reason])
     return frame_of_rows(rows)
+
+
+def frame_of_rows(rows: list[dict[str, Any]]) -> pl.DataFrame:
+    """Return flat event rows (with `log_time_ns`) as a frame."""
+    return pl.DataFrame(rows, schema=EVENT_COLUMNS, orient="row")
 
 
 def _row(decoded: Any) -> dict[str, Any]:  # noqa: ANN401 - a mapping or a generated message class
     values = dict(decoded) if isinstance(decoded, dict) else dict(fields_of(decoded, COLUMNS))
-    for name in message.EVENTS:
-        if values.get(name) == message.UNSET_INT:
-            values[name] = None
     return row_from_object({name: _plain(value) for name, value in values.items()})
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - numpy scalars of a decoder into Python's
+def _plain(value: Any) -> Any:  # noqa: ANN401 - numpy scalars of a decoder into Python's, None where unset
     if isinstance(value, np.generic):
         value = value.item()
-    return None if isinstance(value, float) and np.isnan(value) else value
-
-
-def _is_signal(channel: Channel) -> bool:
-    return channel.message_encoding == channels.CDR and channel.topic.startswith("/hrc/") and (
-        "signal" in channel.metadata
-        or channel.topic.startswith("/hrc/signals/")
-        or channel.topic.endswith("/joint_states")
-    )
-
-
-def _signals(part: Batch, channel: Channel) -> pl.DataFrame:
-    run_id = channel.metadata.get("run_id", "")
-    if channel.topic.endswith("/joint_states"):
-        return _joint_signals(part, channel.metadata.get("agent") or channel.topic.split("/")[-2], run_id)
-    name = channel.metadata.get("signal") or channel.topic.rsplit("/", 1)[-1]
-    whole = part.end - part.start >= 12
-    raw = np.frombuffer(part.data, np.uint8)
-    windows = np.lib.stride_tricks.sliding_window_view(raw, 8)
-    values = np.ascontiguousarray(windows[part.start[whole] + 4]).view("<f8")[:, 0]
-    return pl.DataFrame({"time_ns": part.publish_time[whole], "value": values}).select(
-        pl.lit(run_id).alias("run_id"), pl.lit(name).alias("name"), "time_ns", "value"
-    )
-
-
-def _joint_signals(part: Batch, agent: str, run_id: str) -> pl.DataFrame:
-    rows: list[tuple[str, str, int, float]] = []
-    for start, end, time_ns in zip(part.start.tolist(), part.end.tolist(), part.publish_time.tolist(), strict=True):
-        try:
-            names, positions = channels.decode_joints(bytes(part.data[start:end]))
-        except ValueError:
-            continue
-        rows += [(run_id, f"{agent}/{name}", time_ns, value) for name, value in zip(names, positions, strict=False)]
-    return pl.DataFrame(rows, schema=SIGNAL_COLUMNS, orient="row")
+    is_nan = isinstance(value, float) and np.isnan(value)
+    return None if is_nan or (isinstance(value, int) and value == message.UNSET_INT) else value
 
 
 def _select(batch: Batch, mask: np.typing.NDArray[np.bool_]) -> Batch:

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+from hrclog.log.files import exists
+
 LOG_PATTERNS: Final = ("*.mcap", "*.mcap.partial", "*.bag")
 BAG_METADATA: Final = "metadata.yaml"
 
@@ -26,13 +28,13 @@ def find_logs(arguments: Iterable[str | Path]) -> list[Path]:
 
 def _expand(argument: str | Path) -> list[Path]:
     path = Path(argument)
-    if path.exists() or not glob.has_magic(str(argument)):
+    if exists(path) or not glob.has_magic(str(argument)):
         return [path]
     return [Path(match) for match in sorted(glob.glob(str(argument), recursive=True))]  # noqa: PTH207 - absolute globs
 
 
 def _logs_at(path: Path) -> list[Path]:
-    if not path.is_dir() or (path / BAG_METADATA).exists():
+    if not exists(path) or not path.is_dir() or (path / BAG_METADATA).exists():
         return [path]
     files = {match for pattern in LOG_PATTERNS for match in path.glob(pattern) if match.is_file()}
     bags = {folder.parent for folder in path.glob(f"*/{BAG_METADATA}")}

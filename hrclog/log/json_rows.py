@@ -25,7 +25,7 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
     """
     try:
         value = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InvalidEventError(f"found no JSON ({error}), expected one JSON object per event") from error
     if not isinstance(value, dict):
         raise InvalidEventError(f"found a JSON {type(value).__name__}, expected one object per event")
@@ -52,23 +52,38 @@ def row_from_object(value: Mapping[str, Any]) -> dict[str, Any]:
 
 def _checked(name: str, found: Any) -> Any:  # noqa: ANN401 - any JSON value in, the column's type out
     if name == "details" and isinstance(found, dict):
-        return json.dumps(found, ensure_ascii=False, sort_keys=True)
+        found = json.dumps(found, ensure_ascii=False, sort_keys=True)
     if name in STRING_COLUMNS:
-        if isinstance(found, str):
-            return found
-        raise InvalidEventError(f"{name} is {found!r}, expected a text")
+        return _text(name, found)
     if isinstance(found, bool) or not isinstance(found, int | float):
         raise InvalidEventError(f"{name} is {found!r}, expected a number")
     if name in FLOAT_COLUMNS:
-        return float(found)
+        return _float(name, found)
     return _integer(name, found)
+
+
+def _text(name: str, found: Any) -> str:  # noqa: ANN401 - any JSON value
+    if not isinstance(found, str):
+        raise InvalidEventError(f"{name} is {found!r}, expected a text")
+    try:
+        found.encode()
+    except UnicodeEncodeError as error:
+        raise InvalidEventError(f"{name} is {found!r}, expected valid Unicode") from error
+    return found
 
 
 def _integer(name: str, found: float) -> int:
     low, high = (0, 2**32) if name in _COUNTERS[:2] else (-(2**63) + 1, 2**63)
-    # a float is taken only where it is exact: instants of today do not fit into one
-    if found != found or int(found) != found or not low <= found < high:  # noqa: PLR0124 - NaN differs from itself
-        raise InvalidEventError(f"{name} is {found!r}, expected a whole number of 64 bits")
-    if isinstance(found, float) and abs(found) > 2**53:
-        raise InvalidEventError(f"{name} is {found!r}, expected an integer: a float cannot hold it exactly")
+    # instants of today do not fit into a float
+    if isinstance(found, float) and not (abs(found) <= 2**53 and found.is_integer()):
+        raise InvalidEventError(f"{name} is {found!r}, expected an integer, which no float above 2^53 holds exactly")
+    if not low <= found < high:
+        raise InvalidEventError(f"{name} is {found!r}, expected a whole number from {low} to {high - 1}")
     return int(found)
+
+
+def _float(name: str, found: float) -> float:
+    try:
+        return float(found)
+    except OverflowError as error:
+        raise InvalidEventError(f"{name} is {str(found)[:20]}…, expected a number of 64 bits") from error

@@ -93,8 +93,9 @@ def decode_columns(data: bytes, starts: IntArray, ends: IntArray) -> tuple[pl.Da
     columns = {name: pl.Series(name, np.ascontiguousarray(fixed[name])) for name in fixed.dtype.names or ()}
     for name, (begin, length) in zip(STRING_COLUMNS, spans, strict=True):
         columns[name] = _strings(name, raw, begin[good], length[good])
+    integers = pl.col("seq", *INT_COLUMNS)
     frame = pl.DataFrame(columns).with_columns(
-        pl.when(pl.col(*INT_COLUMNS) != UNSET_INT).then(pl.col(*INT_COLUMNS)), pl.col(*FLOAT_COLUMNS).fill_nan(None)
+        pl.when(integers != UNSET_INT).then(integers), pl.col(*FLOAT_COLUMNS).fill_nan(None)
     )
     return _drop_invalid_texts(frame, good)
 
@@ -107,7 +108,7 @@ def _gather(raw: ByteArray, at: IntArray, size: int) -> ByteArray:
 def _next_string(
     raw: ByteArray, bodies: IntArray, positions: IntArray, ends: IntArray, good: npt.NDArray[np.bool_]
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return (position after, first byte, length without NUL) of the strings at `positions`; clears `good` where torn."""
+    """Return (position after, first byte, length without NUL) of the strings at `positions`; torn ones clear `good`."""
     positions = bodies + ((positions - bodies + 3) & ~3)
     good &= positions + 4 <= ends
     at = np.where(good, positions, 0)
@@ -137,12 +138,20 @@ def _strings(name: str, raw: ByteArray, begin: IntArray, length: IntArray) -> pl
     words[long, 3] = begin[long]
     array = pa.Array.from_buffers(pa.binary_view(), len(begin), [None, pa.py_buffer(views), pa.py_buffer(raw)])
     series = pl.Series(name, array)
-    return series.cast(pl.String, strict=False)
+    try:
+        return series.cast(pl.String)
+    except pl.exceptions.ComputeError:  # rare: find out which
+        return pl.Series(name, [_utf8(text) for text in series], pl.String)
 
 
-def _drop_invalid_texts(
-    frame: pl.DataFrame, good: npt.NDArray[np.bool_]
-) -> tuple[pl.DataFrame, npt.NDArray[np.bool_]]:
+def _utf8(text: bytes) -> str | None:
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return None
+
+
+def _drop_invalid_texts(frame: pl.DataFrame, good: npt.NDArray[np.bool_]) -> tuple[pl.DataFrame, npt.NDArray[np.bool_]]:
     valid = frame.select(pl.all_horizontal(pl.col(STRING_COLUMNS).is_not_null())).to_series()
     if valid.all():
         return frame, good

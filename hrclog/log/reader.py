@@ -15,12 +15,12 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
-from hrclog.events import COLUMNS, EVENT_CLASSES, SCHEMA_VERSION
 from hrclog.ids import derived_id
 from hrclog.log.bags import is_bag, read_bag
+from hrclog.log.checks import check_events, only_finite, without_copies
+from hrclog.log.contents import Contents
 from hrclog.log.decode import (
     EVENT_COLUMNS,
-    SIGNAL_COLUMNS,
     Complain,
     Decoded,
     decode_contents,
@@ -29,8 +29,12 @@ from hrclog.log.decode import (
     is_wanted,
 )
 from hrclog.log.discover import find_logs
+from hrclog.log.files import exists
+from hrclog.log.indexed import read_contents
+from hrclog.log.journal import PARTIAL_SUFFIX
 from hrclog.log.message import EVENTS
-from hrclog.log.records import MAGIC, Contents, read_contents
+from hrclog.log.records import MAGIC
+from hrclog.log.signals import SIGNAL_COLUMNS
 
 ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
@@ -42,7 +46,7 @@ _SQLITE: Final = b"SQLite format 3\x00"
 class Logs:
     """What a set of files holds.
 
-    `events` has the columns of `hrclog.log.message.EVENTS` in the order `ORDER`; `signals` run_id, name, time_ns, value.
+    `events` has the columns of `hrclog.log.message.EVENTS` in the order `ORDER`; `signals` has `SIGNAL_COLUMNS`.
     """
 
     events: pl.DataFrame
@@ -77,10 +81,11 @@ def read_logs(
         except LogReadError as error:
             failures.append(error)
         on_file(path)
+    if len(failures) == 1 and not parts:
+        raise failures[0]
     if not parts:
-        raise failures[0] if len(failures) == 1 else LogReadError(
-            paths[0].parent, f"{len(failures)} files that cannot be read, the first: {failures[0]}", "at least one log"
-        )
+        found = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
+        raise LogReadError(paths[0].parent, found, "at least one log")
     return _combine(parts, failures)
 
 
@@ -112,9 +117,12 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     def complain(code: str, text: str, offset: int | None = None) -> None:
         diagnostics.append(Diagnostic(code, text, str(path), offset=offset))
 
-    if not path.exists():
+    if not exists(path):
         raise LogReadError(path, "nothing", "an event log", "check the path")
-    decoded = _decode_bag(path, complain) if is_bag(path) else _decode_mcap(path, complain, signals=signals)
+    if is_bag(path):
+        decoded = decode_topics(read_bag(path), complain, signals=signals)
+    else:
+        decoded = _decode_mcap(path, complain, signals=signals)
     events = pl.concat(decoded.events) if decoded.events else pl.DataFrame(schema=EVENT_COLUMNS)
     events = events.with_columns(pl.lit(str(path)).alias("path"))
     events = _named_runs(events, path, complain)
@@ -126,17 +134,18 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     return Logs(events, samples, diagnostics, [path])
 
 
-def _decode_bag(path: Path, complain: Complain) -> Decoded:
-    return decode_topics(read_bag(path), complain)
-
-
 def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     contents = _read_mcap(path, signals=signals)
     for problem in contents.problems:
         complain(problem.code, problem.message, problem.offset)
-    if not contents.finished and not any(problem.code == "no_header" for problem in contents.problems):
+    codes = {problem.code for problem in contents.problems}
+    if contents.finished or "no_header" in codes:
+        pass
+    elif path.name.endswith(PARTIAL_SUFFIX):
         complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
-    return decode_contents(contents, complain)
+    elif "truncated" not in codes:
+        complain("truncated", "the file has no footer: its end is missing, and whatever was there", None)
+    return decode_contents(contents, complain, signals=signals)
 
 
 def _read_mcap(path: Path, *, signals: bool) -> Contents:
@@ -148,10 +157,11 @@ def _read_mcap(path: Path, *, signals: bool) -> Contents:
         raise LogReadError(path, "an SQLite file", "a log", "name the bag's folder, the one with metadata.yaml")
     if data.startswith(b"RRF"):
         raise LogReadError(path, "a Rerun recording", "an event log", f"open it with `hrclog view {path}`")
+    contents = read_contents(data, is_wanted if signals else is_event_channel)
     # a kill before or within the magic bytes leaves a prefix of them
-    if not data.startswith(MAGIC) and not MAGIC.startswith(data):
+    if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
         raise LogReadError(path, f"a file that begins with {data[:8]!r}", "an MCAP log or a ROS bag")
-    return read_contents(data, is_wanted if signals else is_event_channel)
+    return contents
 
 
 def _named_runs(events: pl.DataFrame, path: Path, complain: Complain) -> pl.DataFrame:
@@ -167,77 +177,12 @@ def _named_runs(events: pl.DataFrame, path: Path, complain: Complain) -> pl.Data
 def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
     diagnostics += [Diagnostic("unreadable_file", str(failure), str(failure.path)) for failure in failures]
-    events = pl.concat([part.events for part in parts])
-    if len(parts) > 1:
-        events = _without_copies(events, diagnostics)
+    events, copies = without_copies(pl.concat([part.events for part in parts]))
     events = events.select(EVENTS.names()).sort(ORDER, maintain_order=True)
-    diagnostics += _sequence_diagnostics(events) + _content_diagnostics(events)
-    events = events.with_columns(_finite())
+    diagnostics += [*copies, *check_events(events)]
+    events = only_finite(events)
     samples = pl.concat([part.signals for part in parts])
     if len(parts) > 1:
         samples = samples.unique(maintain_order=True)
     samples = samples.sort("run_id", "name", "time_ns", maintain_order=True)
     return Logs(events, samples, diagnostics, [path for part in parts for path in part.paths])
-
-
-def _finite() -> list[pl.Expr]:
-    numbers = [name for name, kind in EVENTS.items() if kind == pl.Float64]
-    return [pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in numbers]
-
-
-def _without_copies(events: pl.DataFrame, diagnostics: list[Diagnostic]) -> pl.DataFrame:
-    """Drop events that another file holds too (a journal beside its finished log, a file given twice)."""
-    unique = events.unique(subset=COLUMNS, keep="first", maintain_order=True)
-    if unique.height < events.height:
-        copies = events.join(unique, on=[*COLUMNS, "path"], how="anti", nulls_equal=True)
-        for path, count in copies.group_by("path", maintain_order=True).len().iter_rows():
-            text = f"{count} events are in another file too and were counted once"
-            diagnostics.append(Diagnostic("duplicate_events", text, path))
-    return unique
-
-
-def _sequence_diagnostics(events: pl.DataFrame) -> list[Diagnostic]:
-    found: list[Diagnostic] = []
-    by_run = events.group_by("run_id", maintain_order=True).agg(
-        pl.col("path").first(),
-        pl.col("seq").min().alias("low"),
-        pl.col("seq").max().alias("high"),
-        pl.col("seq").n_unique().alias("distinct"),
-        pl.len(),
-        (pl.col("seq").diff() < 0).sum().alias("backwards"),
-    )
-    for row in by_run.iter_rows(named=True):
-        path, run_id = row["path"], row["run_id"]
-        missing = row["high"] + 1 - row["distinct"]
-        if row["low"] >= 0 and missing > 0:
-            found.append(Diagnostic("events_missing", f"{missing} events between seq 0 and {row['high']} are missing", path, run_id))
-        if row["distinct"] < row["len"]:
-            text = f"{row['len'] - row['distinct']} events share the sequence number of another, different event"
-            found.append(Diagnostic("conflicting_seq", text, path, run_id))
-        if row["backwards"]:
-            text = f"{row['backwards']} times run backwards against the order of writing"
-            found.append(Diagnostic("time_not_monotonic", text, path, run_id))
-    return found
-
-
-def _content_diagnostics(events: pl.DataFrame) -> list[Diagnostic]:
-    found: list[Diagnostic] = []
-    unknown = events.filter(~pl.col("kind").is_in(list(EVENT_CLASSES)))
-    for path, run_id, kind, seq, count in _first_of(unknown, "kind"):
-        text = f"{count} events are of the unknown kind {kind!r}"
-        found.append(Diagnostic("unknown_event", text, path, run_id, seq))
-    newer = events.filter(pl.col("schema_version") > SCHEMA_VERSION)
-    for path, run_id, version, seq, count in _first_of(newer, "schema_version"):
-        text = f"{count} events have schema version {version}, this hrclog knows {SCHEMA_VERSION}"
-        found.append(Diagnostic("newer_schema", text, path, run_id, seq))
-    for name in [name for name, kind in EVENTS.items() if kind == pl.Float64]:
-        strange = events.filter(~pl.col(name).is_finite())
-        for path, run_id, value, seq, count in _first_of(strange, name):
-            text = f"{name} is {value} in {count} events and counts as unset"
-            found.append(Diagnostic("non_finite_value", text, path, run_id, seq))
-    return found
-
-
-def _first_of(events: pl.DataFrame, name: str) -> list[tuple[str, str, object, int, int]]:
-    groups = events.group_by("path", "run_id", name, maintain_order=True).agg(pl.col("seq").first(), pl.len())
-    return list(groups.iter_rows())

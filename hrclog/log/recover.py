@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from hrclog.errors import LogExistsError, LogReadError
-from hrclog.log.records import MAGIC, Batch, Contents, Problem, read_streamed
-from hrclog.log.writer import PARTIAL_SUFFIX, FinishedWriter, fcntl, write_atomically
+from hrclog.errors import LogExistsError, LogReadError, LogWriteError
+from hrclog.log.channels import EVENTS_TOPIC
+from hrclog.log.contents import Batch, Contents
+from hrclog.log.files import exists, lock
+from hrclog.log.journal import PARTIAL_SUFFIX
+from hrclog.log.records import Problem
+from hrclog.log.streamed import read_streamed
+from hrclog.log.writer import FinishedWriter, write_atomically
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,51 +42,64 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
     Raises:
         LogReadError: the source is missing, no MCAP file, still being written, or holds no header.
         LogExistsError: the target exists and holds something else.
+        LogWriteError: the finished log cannot be written, or the journal not be removed.
     """
     target = path or finished_path(source)
     with _locked(source) as data:
-        if not data.startswith(MAGIC):
-            raise LogReadError(source, f"a file of {len(data)} bytes without an MCAP header", "a journal with events",
-                               "0 events can be recovered; delete it")
         contents = read_streamed(data)
-        n_messages = sum(len(batch.start) for batch in contents.batches)
-        if target.exists():
+        if contents.header is None and not contents.batches:
+            found = f"a file of {len(data)} bytes without an MCAP header"
+            raise LogReadError(source, found, "a journal with events", "0 events can be recovered; delete it")
+        if exists(target):
             _check_same(target, source, contents)
         else:
             write_atomically(target, lambda writer: _copy(contents, writer))
-        if source.name.endswith(PARTIAL_SUFFIX) and not contents.problems:
-            source.unlink()
-        elif source.name.endswith(PARTIAL_SUFFIX):
-            source.replace(source.with_name(source.name + ".damaged"))
+        _put_away(source, damaged=bool(contents.problems))
+    n_messages = sum(len(batch.start) for batch in contents.batches)
     return Recovered(source, target, n_messages, contents.problems)
 
 
 @contextmanager
 def _locked(source: Path) -> Iterator[bytes]:
+    """Give the bytes of a file that nobody writes, and keep it locked."""
     try:
-        with source.open("rb") as stream:
-            if fcntl is not None:
-                try:
-                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except BlockingIOError as error:
-                    found = "a journal that a recorder still writes"
-                    raise LogReadError(source, found, "one whose recorder has ended", "stop the recorder first") from error
-            yield stream.read()
+        stream = source.open("rb")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise LogReadError(source, f"a file that cannot be opened ({reason})", "a journal") from error
+    with stream:
+        if not lock(stream.fileno(), wait=False):
+            found, expected = "a journal that a recorder still writes", "one whose recorder has ended"
+            raise LogReadError(source, found, expected, "stop the recorder first")
+        yield stream.read()
+
+
+def _put_away(source: Path, *, damaged: bool) -> None:
+    """Remove a journal that was read in full; keep a damaged one under a name that nothing reads."""
+    if not source.name.endswith(PARTIAL_SUFFIX):
+        return
+    try:
+        if damaged:
+            source.replace(source.with_name(source.name + ".damaged"))
+        else:
+            source.unlink()
     except OSError as error:
-        raise LogReadError(source, f"a file that cannot be opened ({error.strerror})", "a journal") from error
+        text = f"the finished log is written, but this journal cannot be removed ({error.strerror})"
+        raise LogWriteError(source, text, "remove it") from error
 
 
 def _check_same(target: Path, source: Path, contents: Contents) -> None:
-    existing = read_streamed(target.read_bytes())
+    existing = read_streamed(target.read_bytes() if target.is_file() else b"")
     if sorted(_messages(existing)) != sorted(_messages(contents)):
         raise LogExistsError(target, f"it differs from {source}; choose another name with -o")
 
 
 def _messages(contents: Contents) -> Iterator[tuple[str, int, bytes]]:
     for batch in contents.batches:
-        for channel, log_time, _, _, start, end in _rows(batch):
-            if channel in contents.channels:
-                yield contents.channels[channel].topic, log_time, bytes(batch.data[start:end])
+        for channel_id, log_time, _, _, start, end in _rows(batch):
+            channel = contents.channels.get(channel_id)
+            if channel is not None:
+                yield channel.topic, log_time, batch.data[start:end]
 
 
 def _rows(batch: Batch) -> Iterator[tuple[int, int, int, int, int, int]]:
@@ -91,16 +109,21 @@ def _rows(batch: Batch) -> Iterator[tuple[int, int, int, int, int, int]]:
 
 def _copy(contents: Contents, writer: FinishedWriter) -> None:
     """Copy all messages, those of the event topic first, so that a reader of events can skip the other chunks."""
-    ids: dict[int, int] = {}
-    for channel_id, channel in contents.channels.items():
-        schema = contents.schemas.get(channel.schema_id)
-        schema_id = writer.schema(schema.name, schema.encoding, schema.data) if schema else 0
-        ids[channel_id] = writer.channel(channel_id, channel.topic, channel.message_encoding, schema_id, channel.metadata)
+    ids = _register(contents, writer)
     for is_events in (True, False):
         for batch in contents.batches:
             for channel, log_time, publish_time, sequence, start, end in _rows(batch):
-                if channel in ids and (contents.channels[channel].topic == "/hrc/events") is is_events:
-                    writer.add_raw(ids[channel], log_time, publish_time, sequence, bytes(batch.data[start:end]))
+                if channel in ids and (contents.channels[channel].topic == EVENTS_TOPIC) is is_events:
+                    writer.add_raw(ids[channel], log_time, publish_time, sequence, batch.data[start:end])
     for metadata in contents.metadata:
-        with suppress(ValueError):
-            writer.metadata(metadata.name, metadata.metadata)
+        writer.metadata(metadata.name, metadata.metadata)
+
+
+def _register(contents: Contents, writer: FinishedWriter) -> dict[int, int]:
+    """Declare the channels in the new file; return its ids by the old ones."""
+    ids: dict[int, int] = {}
+    for old, channel in contents.channels.items():
+        schema = contents.schemas.get(channel.schema_id)
+        schema_id = writer.schema(schema.name, schema.encoding, schema.data) if schema else 0
+        ids[old] = writer.channel(old, channel.topic, channel.message_encoding, schema_id, channel.metadata)
+    return ids

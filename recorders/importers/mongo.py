@@ -16,7 +16,8 @@ from typing import Any, Final
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import ImportDataError, OutputError
-from hrclog.events import COLUMNS, Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted, to_row
+from hrclog.event_rows import to_row
+from hrclog.events import COLUMNS, Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.ids import derived_id
 from hrclog.log.decode import frame_of_rows
 from hrclog.log.reader import read_log

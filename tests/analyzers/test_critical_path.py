@@ -21,7 +21,9 @@ precedences = st.lists(st.tuples(st.sampled_from("ijk"), st.sampled_from("ijk"))
 
 @st.composite
 def runs_of_items(draw: st.DrawFn) -> list[Row]:
-    return [one | {"item_id": draw(items)} for one in draw(rows(max_size=9))]
+    # few agents in one run, so that there are chains; and now and then two runs
+    found = draw(st.one_of(rows(max_size=9, runs="r", agents="A"), rows(max_size=9, runs="r", agents="AB"), rows()))
+    return [one | {"item_id": draw(items)} for one in found]
 
 
 def longest_paths(found: list[Row], declared: list[Precedence]) -> dict[str, tuple[int, int]]:
@@ -46,7 +48,7 @@ def longest_paths(found: list[Row], declared: list[Precedence]) -> dict[str, tup
     return {nodes[n]["execution_id"]: (before(n), onwards(n)) for n in range(len(nodes))}
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(runs_of_items(), precedences)
 def test_earliest_latest_and_slack_are_those_of_the_longest_paths(found: list[Row], declared: list[Precedence]) -> None:
     schedule = critical_path(frame(found), declared)
@@ -94,6 +96,13 @@ def test_a_precedence_that_the_run_broke_is_no_edge() -> None:
     assert critical_path_lengths(critical_path(frame(found), [("i", "j")])) == {"run": 8}
 
 
+def test_a_short_chain_that_ends_later_does_not_hide_a_long_one() -> None:
+    found = [row("H", "a", 0, 10), row("H", "b", 9, 11), row("H", "c", 12, 15)]
+    schedule = critical_path(frame(found))
+    assert schedule["earliest_start_ns"].to_list() == [0, 0, 10]
+    assert schedule["slack_ns"].to_list() == [0, 8, 0]
+
+
 def test_two_hands_of_one_agent_are_no_chain() -> None:
     assert critical_path_lengths(critical_path(frame([row("H", "a", 0, 6), row("H", "b", 1, 8)]))) == {"run": 7}
 
@@ -104,6 +113,13 @@ def test_executions_of_no_length_neither_block_nor_hide_a_chain(order: Callable[
     schedule = critical_path(frame(order(found)))
     assert critical_path_lengths(schedule) == {"run": 9}
     assert schedule["slack_ns"].to_list() == [0, 0, 0, 0]
+
+
+def test_a_chain_passes_through_an_execution_of_no_length() -> None:
+    found = [row("H", "a", 0, 5), row("H", "b", 5, 5, item_id="i"), row("R", "d", 5, 9, item_id="j")]
+    schedule = critical_path(frame(found), [("i", "j")])
+    assert critical_path_lengths(schedule) == {"run": 9}
+    assert schedule["slack_ns"].to_list() == [0, 0, 0]
 
 
 def test_no_executions_have_no_critical_path() -> None:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from interval_frames import frame, row
-from scipy import stats
+from scipy import special, stats
 
+from hrclog.analyzers import distributions
 from hrclog.analyzers.distributions import NAMES, fit_distributions
 from hrclog.analyzers.durations import durations, wilson
 from hrclog.analyzers.schemas import DURATIONS
@@ -104,6 +105,15 @@ def test_durations_that_hardly_differ_still_have_a_gamma_fit(spread: float) -> N
     normal = 4 - 2 * stats.norm.logpdf(seconds, 5, spread * math.sqrt(2)).sum()
     assert found["gamma_aic"] == pytest.approx(normal, abs=max(spread, 1e-3))
     assert found["lognormal_aic"] == pytest.approx(normal, abs=max(spread, 1e-3))
+
+
+@pytest.mark.parametrize("shape", [100.0, 130.0, 300.0])
+def test_the_series_for_large_shapes_continue_scipys_functions(shape: float) -> None:
+    value, slope = distributions._log_minus_digamma(shape)
+    assert value == pytest.approx(math.log(shape) - special.digamma(shape), rel=1e-10)
+    assert slope == pytest.approx(1 / shape - special.polygamma(1, shape), rel=1e-9)
+    rest = shape * math.log(shape) - shape - math.lgamma(shape)
+    assert distributions._stirling_rest(shape) == pytest.approx(rest, rel=1e-11)
 
 
 def test_durations_many_orders_apart_have_a_fit() -> None:

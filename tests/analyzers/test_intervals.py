@@ -17,7 +17,8 @@ from hrclog.analyzers.intervals import intervals, rebuild
 from hrclog.analyzers.schemas import INTERVALS
 from hrclog.diagnostic import CODES, Diagnostic
 from hrclog.errors import InvalidEventError
-from hrclog.events import Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted, from_row
+from hrclog.event_rows import from_row
+from hrclog.events import Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted
 from hrclog.log.reader import ORDER, read_log
 from hrclog.log.writer import write_log
 from hrclog.state import PLANNED, ExecutionState, apply
@@ -78,7 +79,7 @@ def _expected(state: ExecutionState, accepted: list[Row], events: pl.DataFrame) 
     )
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(event_rows())
 def test_intervals_and_diagnostics_are_those_of_a_plain_fold_of_the_state_machine(rows: list[Row]) -> None:
     events = frame(rows)
@@ -95,7 +96,7 @@ def test_intervals_and_diagnostics_are_those_of_a_plain_fold_of_the_state_machin
     assert all(one.path == PATH and one.code in CODES for one in diagnostics)
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(event_rows())
 def test_folding_every_execution_gives_what_pairing_the_regular_ones_gives(rows: list[Row]) -> None:
     events = frame(rows)
@@ -107,8 +108,8 @@ def test_folding_every_execution_gives_what_pairing_the_regular_ones_gives(rows:
     assert diagnostics == folded_diagnostics
 
 
+@settings(max_examples=30)
 @given(event_rows())
-@settings(max_examples=50)
 def test_the_order_of_the_events_in_the_file_does_not_matter(rows: list[Row]) -> None:
     events = frame(rows)
     assert_frame_equal(intervals(events), intervals(events.reverse()))

@@ -163,8 +163,9 @@ def test_splitting_runs_into_segments_changes_nothing_but_the_paths(estimator: s
 
 def write_segment(path: Path, rows: pl.DataFrame) -> None:
     """Write events as they are, with the numbers that they have."""
-    from hrclog.events import from_row
-    from hrclog.log.writer import event_message, write_atomically
+    from hrclog.event_rows import from_row
+    from hrclog.log.encode import event_message
+    from hrclog.log.writer import write_atomically
 
     events = [from_row(row) for row in rows.iter_rows(named=True)]
     write_atomically(path, lambda writer: [writer.add(event_message(event, event.time_ns)) for event in events])

@@ -39,7 +39,7 @@ def as_pairs(found: pl.DataFrame) -> Pairs:
     return {one[:3]: one[3] for one in columns}
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(rows())
 def test_overlaps_are_those_of_the_formula_for_every_pair(found: list[Row]) -> None:
     result = overlaps(frame(found))
@@ -57,6 +57,7 @@ def test_overlaps_are_those_of_the_formula_for_every_pair(found: list[Row]) -> N
         assert one["ratio"] == one["overlap_ns"] / (k["until_ns"] - k["start_ns"])
 
 
+@settings(max_examples=40)
 @given(rows())
 def test_overlap_is_symmetric(found: list[Row]) -> None:
     pairs = as_pairs(overlaps(frame(found)))
@@ -72,7 +73,7 @@ def test_where_the_blocks_are_cut_changes_nothing(found: list[Row], size: int) -
         assert_frame_equal(overlaps(frame(found)), whole)
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(rows(plain=True))
 def test_the_ratios_against_one_agent_sum_to_one_at_most_unless_it_overlaps_itself(found: list[Row]) -> None:
     result = overlaps(frame(found))
@@ -82,7 +83,7 @@ def test_the_ratios_against_one_agent_sum_to_one_at_most_unless_it_overlaps_itse
         assert agent == other or total <= 1 + 1e-12 or (run, other) in both_hands
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(rows())
 def test_the_pair_table_sums_the_formula_and_averages_over_all_executions(found: list[Row]) -> None:
     counted = [one for one in found if counts(one)]

@@ -47,13 +47,15 @@ _OUTCOMES = ("succeeded", "succeeded", "succeeded", "failed", "canceled", "timed
 
 
 @st.composite
-def rows(draw: st.DrawFn, *, max_size: int = 14, scale: int = 1, plain: bool = False) -> list[Row]:
+def rows(
+    draw: st.DrawFn, *, max_size: int = 14, scale: int = 1, plain: bool = False, runs: str = "rs", agents: str = "ABC"
+) -> list[Row]:
     """Draw executions on a small grid, so that ties, touching and self-overlap are common."""
     count = draw(st.integers(0, max_size))
     found = []
     for number in range(count):
         start, length = draw(st.integers(-5, 20)), draw(st.integers(0, 8))
-        run, agent, task = draw(st.tuples(st.sampled_from("rs"), st.sampled_from("ABC"), st.sampled_from("xyz")))
+        run, agent, task = draw(st.tuples(st.sampled_from(runs), st.sampled_from(agents), st.sampled_from("xyz")))
         others: Row = {"run_id": run, "execution_id": f"x{number}"}
         if not plain:
             others["outcome"] = draw(st.sampled_from(_OUTCOMES))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hrclog.errors import HrclogError, LogExistsError, OutputError, ScenarioError
-from hrclog.events import from_row
+from hrclog.event_rows import from_row
 from hrclog.log.reader import read_events
 from hrclog.problem import Count, Problem, Task
 from hrclog.sim import campaign

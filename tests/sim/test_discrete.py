@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hrclog.event_rows import from_row, to_row
 from hrclog.events import (
     Event,
     Outcome,
@@ -22,8 +23,6 @@ from hrclog.events import (
     TaskPaused,
     TaskResumed,
     TaskStarted,
-    from_row,
-    to_row,
 )
 from hrclog.problem import Count, Precedence, PrecedenceKind, Problem, Task
 from hrclog.recorders.executor import Executor

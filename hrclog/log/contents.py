@@ -1,0 +1,63 @@
+"""What an MCAP file holds: its declarations, and its messages as arrays instead of one object each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Metadata, Schema
+
+from hrclog.log.message import IntArray
+from hrclog.log.records import Problem, Record, parse
+
+Wanted = Callable[[Channel, Schema | None], bool]
+"""Says of a channel and its schema whether its messages are needed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Messages that lie in one buffer, in the order in which they were written; arrays have shape (n,)."""
+
+    data: bytes
+    channel: IntArray
+    sequence: IntArray
+    log_time: IntArray
+    publish_time: IntArray
+    start: IntArray
+    end: IntArray
+
+
+@dataclass(slots=True)
+class Contents:
+    """What a file holds."""
+
+    header: Header | None = None
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: list[Metadata] = field(default_factory=list)
+    batches: list[Batch] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+    finished: bool = False
+
+    def keep(self, data: bytes, record: Record) -> None:
+        """Take in a header, schema, channel or metadata record; the first one that declares an id counts.
+
+        The first declaration lies in a chunk and is covered by its checksum, repetitions need not be.
+
+        Raises:
+            ValueError: the record is damaged.
+        """
+        match record[0]:
+            case Opcode.HEADER:
+                self.header = parse(Header, data, record)
+            case Opcode.SCHEMA:
+                schema = parse(Schema, data, record)
+                self.schemas.setdefault(schema.id, schema)
+            case Opcode.CHANNEL:
+                channel = parse(Channel, data, record)
+                self.channels.setdefault(channel.id, channel)
+            case Opcode.METADATA:
+                self.metadata.append(parse(Metadata, data, record))
+            case _:
+                pass

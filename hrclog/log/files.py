@@ -1,0 +1,73 @@
+"""What the operating system offers to keep files whole: locks, syncs and atomic renames."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import IO
+
+from hrclog.errors import LogWriteError
+
+if sys.platform == "win32":  # two recorders of one file exclude each other by its creation alone
+
+    def lock(fd: int, *, wait: bool) -> bool:  # noqa: ARG001 - the same signature everywhere
+        """Return True: there is nothing to lock with."""
+        return True
+
+else:
+    import fcntl
+
+    def lock(fd: int, *, wait: bool) -> bool:
+        """Lock an open file until it is closed; return False where somebody else has it and `wait` is off."""
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            return False
+        except OSError:  # a file system without locks
+            return True
+        return True
+
+
+def exists(path: Path) -> bool:
+    """Return whether a path can be reached; one that is too long, or behind a closed door, cannot."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder survive a crash of the operating system."""
+    if os.name != "posix":
+        return
+    fd = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def replace_atomically(path: Path, fill: Callable[[IO[bytes]], None]) -> None:
+    """Let `fill` write a hidden file, sync it, and rename it to `path`: it is there whole, or not at all.
+
+    Raises:
+        LogWriteError: the file cannot be written.
+    """
+    temporary = path.with_name(f".hrclog-{os.getpid()}-{time.monotonic_ns()}.tmp")
+    try:
+        with temporary.open("xb") as stream:
+            fill(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        reason = f"cannot be written ({error.strerror})"
+        raise LogWriteError(path, reason, "choose a folder that can be written") from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()

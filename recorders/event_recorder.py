@@ -1,0 +1,176 @@
+"""The part of a recorder that everything goes through: check, number, write, remember."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from typing import TypeVar
+
+from hrclog.errors import IllegalEventError
+from hrclog.events import Event, Outcome, RunEnded, RunStarted, TaskFact
+from hrclog.log.encode import Signal, event_message, run_metadata, signal_message
+from hrclog.log.journal import Journal, journal_path
+from hrclog.log.lanes import Lanes
+from hrclog.log.recover import recover
+from hrclog.log.writer import RUN_METADATA
+from hrclog.recorders.segments import Segment
+from hrclog.recorders.task_handle import NOW, TaskHandle
+from hrclog.state import PLANNED, ExecutionState, Phase, apply
+
+AnyEvent = TypeVar("AnyEvent", bound=Event)
+
+
+def steady_clock() -> Callable[[], int]:
+    """Return a clock of ns since the epoch that never runs backwards, whatever is done to the system's clock."""
+    offset = time.time_ns() - time.monotonic_ns()
+    return lambda: offset + time.monotonic_ns()
+
+
+class EventRecorder:
+    """Write the events of one run, in an order that the state machine allows; from any thread.
+
+    Args:
+        segment: where to write, and what the run has come to before.
+        started: the first event.
+        fsync: each event also survives a crash of the operating system.
+        clock_ns: the recorder's clock.
+
+    Raises:
+        InvalidEventError: the first event is not of the form the vocabulary asks for.
+        LogExistsError: a journal is there already.
+        LogWriteError: the log cannot be written.
+    """
+
+    def __init__(self, segment: Segment, started: RunStarted, *, fsync: bool, clock_ns: Callable[[], int]) -> None:
+        self.path = segment.path
+        self.run_id = segment.run_id
+        self._clock_ns = clock_ns
+        self._lock = threading.RLock()
+        self._seq = segment.next_seq
+        self._states: dict[str, ExecutionState] = dict(segment.states)
+        self._facts: dict[str, TaskFact] = dict(segment.facts)
+        self._ended = False
+        self._lanes = Lanes()
+        for handle in self.open_executions():
+            self._lanes.begin(handle.fact)
+        self._journal: Journal | None = None
+        self._open(started, Journal(journal_path(self.path), fsync=fsync))
+
+    def record(self, event: AnyEvent) -> AnyEvent:
+        """Record any event; its run_id and seq are set here. Returns the event as it was written.
+
+        Raises:
+            InvalidEventError: a field is not of the form the vocabulary asks for.
+            IllegalEventError: the state machine does not allow it, or the recorder is closed; nothing was written.
+            LogWriteError: the disk did not take it.
+        """
+        with self._lock:
+            journal = self._open_journal()
+            if self._ended:
+                raise IllegalEventError(f"{self.path}: found {event.kind} after run_ended, expected nothing more")
+            now = self._clock_ns()
+            time_ns = now if event.time_ns == NOW else event.time_ns
+            numbered = replace(event, run_id=self.run_id, seq=self._seq, time_ns=time_ns)
+            state = self._next_state(numbered)
+            message = event_message(numbered, now)
+            size = journal.size
+            try:
+                journal.append(message, *self._lanes.after(numbered, now))
+            finally:
+                if journal.size > size:  # true also where an interrupt strikes just after the write
+                    self._take(numbered, state)
+            return numbered
+
+    def handle(self, execution: TaskHandle | str) -> TaskHandle:
+        """Return the handle of an execution by its id.
+
+        Raises:
+            IllegalEventError: no execution of this run has that id.
+        """
+        if isinstance(execution, TaskHandle):
+            return execution
+        with self._lock:
+            if execution not in self._facts:
+                found = f"{self.path}: found execution {execution!r}"
+                raise IllegalEventError(f"{found}, expected one that was started here")
+            return TaskHandle(self, self._facts[execution])
+
+    def state(self, execution_id: str) -> ExecutionState:
+        """Return the state of an execution; planned if it is not known."""
+        with self._lock:
+            return self._states.get(execution_id, PLANNED)
+
+    def open_executions(self) -> list[TaskHandle]:
+        """Return the executions that have begun and not ended, in order of their start."""
+        with self._lock:
+            return [
+                TaskHandle(self, self._facts[execution_id])
+                for execution_id, state in self._states.items()
+                if state.phase in (Phase.STARTED, Phase.PAUSED)
+            ]
+
+    def close(self, outcome: str = Outcome.SUCCEEDED, reason: str = "") -> None:
+        """End the run and finish the log; tasks still open stay open. Closing twice does nothing.
+
+        Raises:
+            LogWriteError: the finished log could not be written; the journal holds everything, see `hrclog recover`.
+        """
+        with self._lock:
+            if self._journal is None:
+                return
+            if not self._ended:
+                self.record(RunEnded(time_ns=NOW, outcome=str(outcome), reason=reason))
+            journal, self._journal = self._journal, None
+            journal.close()
+            recover(journal.path, self.path)
+
+    def _open(self, started: RunStarted, journal: Journal) -> None:
+        """Write the first event, or leave no journal behind."""
+        self._journal = journal
+        try:
+            journal.metadata(RUN_METADATA, run_metadata(self.record(started)))
+        except BaseException:
+            self._journal = None
+            journal.close()
+            with suppress(OSError):
+                journal.path.unlink()
+            raise
+
+    def _sample(self, signal: Signal) -> None:
+        """Write a sample of a signal."""
+        with self._lock:
+            now = self._clock_ns()
+            timed = replace(signal, time_ns=now) if signal.time_ns == NOW else signal
+            self._open_journal().append(signal_message(timed, now))
+
+    def _take(self, event: Event, state: ExecutionState | None) -> None:
+        """Remember what was written."""
+        self._seq = event.seq + 1
+        self._ended = isinstance(event, RunEnded)
+        if isinstance(event, TaskFact) and state is not None:
+            self._states[event.execution_id] = state
+            self._facts.setdefault(event.execution_id, event)
+
+    def _next_state(self, event: Event) -> ExecutionState | None:
+        if not isinstance(event, TaskFact):
+            return None
+        state, problem = apply(self._states.get(event.execution_id, PLANNED), event)
+        if problem and problem not in ("missing_identity", "invalid_outcome"):  # those two have clearer errors below
+            raise IllegalEventError(
+                f"{self.path}: {event.kind} of {event.agent!r}, {event.task!r} is not allowed ({problem}); "
+                f"the execution is {self.state(event.execution_id).phase}"
+            )
+        return state
+
+    def _open_journal(self) -> Journal:
+        if self._journal is None:
+            raise IllegalEventError(f"{self.path}: the recorder is closed; continue the run with resume=True")
+        return self._journal
+
+    def _end_if_open(self, handle: TaskHandle, outcome: str, reason: str) -> None:
+        with self._lock:
+            if handle.phase is not Phase.ENDED:
+                handle.end(outcome, reason)
