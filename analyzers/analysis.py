@@ -10,7 +10,8 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.analyzers.diagnostics import lint
+from hrclog._version import __version__
+from hrclog.analyzers.diagnostics import impossible_factors, lint
 from hrclog.analyzers.durations import durations
 from hrclog.analyzers.intervals import rebuild
 from hrclog.analyzers.metrics import metrics, nested
@@ -48,6 +49,7 @@ class Analysis:
         of_run = nested(self.metrics)
         return {
             "schema_version": SCHEMA_VERSION,
+            "hrclog_version": __version__,
             "estimator": self.estimator,
             "outliers": self.outliers,
             "runs": [row | {"metrics": of_run.get(row["run_id"], {})} for row in self.runs.iter_rows(named=True)],
@@ -113,6 +115,8 @@ def analyze_logs(logs: Logs, estimator: str = DEFAULT_ESTIMATOR, outliers: Outli
     executions, illegal = rebuild(logs.events)
     found = overlaps(executions)
     table = runs(logs.events, executions)
+    synergies = ESTIMATORS[estimator](executions, outliers)
+    lints = [*lint(logs.events, executions, found, table), *impossible_factors(synergies)]
     return Analysis(
         events=logs.events,
         signals=logs.signals,
@@ -120,10 +124,10 @@ def analyze_logs(logs: Logs, estimator: str = DEFAULT_ESTIMATOR, outliers: Outli
         overlaps=found,
         pair_overlaps=pair_overlaps(executions, found),
         durations=durations(executions),
-        synergies=ESTIMATORS[estimator](executions, outliers),
+        synergies=synergies,
         runs=table,
         metrics=metrics(executions, logs.events, logs.signals),
-        diagnostics=[*logs.diagnostics, *illegal, *lint(logs.events, executions, found, table)],
+        diagnostics=[*logs.diagnostics, *illegal, *lints],
         estimator=estimator,
         outliers=outliers,
     )

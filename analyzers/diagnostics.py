@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Final
 
 import polars as pl
@@ -10,6 +11,8 @@ from hrclog.analyzers.intervals import counted
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import UNKNOWN_OUTCOME, Outcome
 
+_YEAR_2000_NS: Final = 946_684_800 * 10**9
+_WEEK_NS: Final = 7 * 24 * 3600 * 10**9
 _ENOUGH_TO_EXPECT_A_FAILURE: Final = 100
 
 
@@ -18,6 +21,7 @@ def lint(events: pl.DataFrame, intervals: pl.DataFrame, overlaps: pl.DataFrame, 
     return [
         *_open_executions(intervals),
         *_zero_durations(intervals),
+        *_implausible_times(events),
         *_self_overlaps(overlaps, runs),
         *_single_outcome(intervals),
         *_one_agent(runs),
@@ -29,10 +33,47 @@ def _open_executions(intervals: pl.DataFrame) -> list[Diagnostic]:
     rows = intervals.filter((pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null())
     return [
         Diagnostic(
-            "open_execution", f"{agent!r}, {task!r} started at {start} ns and never ended; it is censored", path, run
+            "open_execution", f"{agent!r}, {task!r} started at {_utc(start)} and never ended; it is censored", path, run
         )
         for agent, task, start, path, run in rows.select("agent", "task", "start_ns", "path", "run_id").iter_rows()
     ]
+
+
+def impossible_factors(synergies: pl.DataFrame) -> list[Diagnostic]:
+    """Find factors of 0 or less, which a linear fit can give and no duration can have."""
+    return [
+        Diagnostic(
+            "impossible_factor",
+            f"{estimator} gives a factor of {factor:.2f} for {agent!r}, {task!r} while {other!r}, {other_task!r} runs",
+        )
+        for agent, task, other, other_task, factor, estimator in synergies.filter(pl.col("synergy") <= 0)
+        .select("agent", "task", "other_agent", "other_task", "synergy", "estimator")
+        .iter_rows()
+    ]
+
+
+def _implausible_times(events: pl.DataFrame) -> list[Diagnostic]:
+    """Find instants in another unit than ns, or from a clock that was never set."""
+    spans = events.group_by("run_id").agg(
+        pl.col("path").sort().first(), pl.col("time_ns").min().alias("first"), pl.col("time_ns").max().alias("last")
+    )
+    strange = spans.filter((pl.col("first") < _YEAR_2000_NS) | (pl.col("last") - pl.col("first") > _WEEK_NS))
+    return [
+        Diagnostic(
+            "implausible_time",
+            f"the run lasts from {_utc(first)} to {_utc(last)}: are its instants nanoseconds since 1970?",
+            path,
+            run,
+        )
+        for run, path, first, last in strange.sort("path", "run_id").iter_rows()
+    ]
+
+
+def _utc(time_ns: int) -> str:
+    try:
+        return datetime.fromtimestamp(time_ns / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")
+    except (OverflowError, ValueError, OSError):
+        return f"{time_ns} ns"
 
 
 def _zero_durations(intervals: pl.DataFrame) -> list[Diagnostic]:

@@ -21,6 +21,15 @@ from hrclog.state import PLANNED, ExecutionState, apply
 SORT: Final = ("run_id", "start_ns", "until_ns", "agent", "task", "execution_id")
 
 _KEY: Final = ("run_id", "execution_id")
+# until when an open execution is known to have lasted; an annotation may be added days later
+_SIGNS_OF_LIFE: Final = (
+    *TASK_KINDS,
+    "run_ended",
+    "safety_state_changed",
+    "heartbeat",
+    "clock_synced",
+    "command_rejected",
+)
 _START_FIELDS: Final = ("agent", "task", "task_type", "role", "parent_execution_id", "item_id", "attempt", "path")
 _PLANNED: Final = ("planned_start_ns", "planned_end_ns")
 _END_FIELDS: Final = ("outcome", "reason", "planned_duration_s", "planning_time_s", "path_length", "target")
@@ -55,7 +64,11 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     paired = _pair(task_events, regular_keys)
     irregular = task_events.join(regular_keys, on=_KEY, how="anti", maintain_order="left")
     folded, diagnostics = _fold(irregular)
-    last = events.group_by("run_id").agg(pl.col("time_ns").max().alias("last_ns"))
+    last = (
+        events.filter(pl.col("kind").is_in(_SIGNS_OF_LIFE))
+        .group_by("run_id")
+        .agg(pl.col("time_ns").max().alias("last_ns"))
+    )
     rows = pl.concat([paired, folded]).join(last, on="run_id", how="left")
     rows = rows.with_columns(pl.coalesce("end_ns", pl.max_horizontal("last_ns", "start_ns")).alias("until_ns"))
     return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(task_events), *diagnostics]

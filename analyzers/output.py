@@ -16,7 +16,7 @@ from hrclog.errors import OutputError
 JSON_NAME: Final = "analysis.json"
 RECORDING_NAME: Final = "analysis.rrd"
 RUNS_FOLDER: Final = "runs"
-TABLES: Final = ("events", "intervals", "overlaps", "durations", "synergies", "runs", "metrics")
+TABLES: Final = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics")
 
 _UNSAFE: Final = re.compile(r"[^\w.+-]+")
 _LONGEST_NAME: Final = 100

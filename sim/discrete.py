@@ -1,7 +1,8 @@
 """The discrete-event cell: agents whose work goes on at a rate that depends on what the others do.
 
 Work W of an execution is drawn once; while it runs it is done at the product over the other agents of 1 / s, so that
-the integral of that rate over the execution is W (`science.md`, 3c). Instants are whole nanoseconds.
+the integral of that rate over the execution is W: an accelerated failure time model with time-varying concurrency.
+Instants are whole nanoseconds.
 """
 
 from __future__ import annotations

@@ -20,20 +20,23 @@ def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:  # noqa:
     Example:
       hrclog check --strict runs/*.mcap
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.analysis import analyze_logs
+    from hrclog.analyzers.diagnostics import lint
+    from hrclog.analyzers.intervals import rebuild
+    from hrclog.analyzers.overlaps import overlaps
+    from hrclog.analyzers.runs import runs
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")
-    analysis = analyze_logs(read_logs(logs, on_file=reading))
+    read = read_logs(logs, on_file=reading)
     reading.done()
-    findings = analysis.diagnostics
+    executions, illegal = rebuild(read.events)
+    table = runs(read.events, executions)
+    findings = [*read.diagnostics, *illegal, *lint(read.events, executions, overlaps(executions), table)]
     code = tell(findings, info=True)
     counts = {severity: sum(f.severity == severity for f in findings) for severity in ("error", "warning", "info")}
     if as_json:
         print_json({"diagnostics": [finding.as_dict() for finding in findings], "counts": counts})
     else:
-        click.echo(
-            f"{analysis.runs.height} runs, {analysis.events.height} events, {analysis.intervals.height} executions: "
-            f"{counts['error']} errors, {counts['warning']} warnings, {counts['info']} remarks"
-        )
+        held = f"{table.height} runs, {read.events.height} events, {table['n_executions'].sum()} executions"
+        click.echo(f"{held}: {counts['error']} errors, {counts['warning']} warnings, {counts['info']} remarks")
     return EXIT_FAILED if strict and not code and counts["warning"] else code

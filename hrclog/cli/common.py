@@ -20,6 +20,7 @@ EXIT_DATA_LOST: Final = 3
 
 _SHOWN_PER_CODE: Final = 5
 _QUIET_SECONDS: Final = 1.0
+_WIDEST_CELL: Final = 80
 
 logs_argument = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=click.Path())
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
@@ -79,7 +80,7 @@ def table(
     header: Sequence[str], rows: Iterable[Sequence[str]], numeric: Callable[[int], bool] = lambda i: i > 0
 ) -> str:
     """Return aligned columns; `numeric` says which to align right."""
-    lines = [tuple(header), *(tuple(printable(cell) for cell in row) for row in rows)]
+    lines = [tuple(header), *(tuple(shortened(printable(cell)) for cell in row) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
     lines.insert(1, tuple("-" * width for width in widths))
     return "\n".join(
@@ -89,6 +90,13 @@ def table(
         ).rstrip()
         for line in lines
     )
+
+
+def shortened(text: str) -> str:
+    """Return a text that leaves room for the other columns; the files hold it whole."""
+    if len(text) <= _WIDEST_CELL:
+        return text
+    return f"{text[: _WIDEST_CELL // 2]}…{text[1 - _WIDEST_CELL // 2 :]}"
 
 
 def printable(text: str) -> str:

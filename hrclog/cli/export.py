@@ -8,7 +8,7 @@ import click
 
 from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
 
-TABLES = ("events", "intervals", "overlaps", "durations", "synergies", "runs", "metrics", "signals")
+TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics", "signals")
 
 
 @click.command(name="export")

@@ -26,7 +26,7 @@ def summary(analysis: Analysis, output: Path) -> str:
 def _headline(analysis: Analysis) -> str:
     runs = analysis.runs
     agents = ", ".join(runs["agents"].explode(empty_as_null=False).unique().sort()) or "none"
-    text = f"{runs.height} runs, {analysis.intervals.height} executions, agents: {printable(agents)}"
+    text = f"{runs.height} runs, {runs['n_executions'].sum()} executions, agents: {printable(agents)}"
     return f"{text}\n{makespan(runs['makespan_s'].drop_nulls().to_list())}".rstrip()
 
 
@@ -52,11 +52,12 @@ def _durations(analysis: Analysis) -> str:
             number(row["max_s"]),
             str(row["count"]),
             str(row["n_failed"]),
+            str(row["n_canceled"]),
             str(row["n_censored"]),
         )
         for row in analysis.durations.head(_MOST_ROWS).iter_rows(named=True)
     ]
-    header = ("agent", "task", "mean", "std", "median", "min", "max", "n", "failed", "open")
+    header = ("agent", "task", "mean", "std", "median", "min", "max", "n", "failed", "canceled", "open")
     return (
         "Durations in s (of executions that succeeded)\n"
         + table(header, rows, lambda i: i > 1)
@@ -96,7 +97,9 @@ def _synergies(analysis: Analysis) -> str:
         for row in seen.head(_MOST_ROWS).iter_rows(named=True)
     ]
     unobserved = analysis.synergies.height - seen.height
-    title = f"Synergies by {analysis.estimator}: factor on a task's duration while another's task runs (> 1 is slower)"
+    title = (
+        f"Synergies by {analysis.estimator}: factor on a task's mean duration while another's task runs (> 1 is slower)"
+    )
     note = f"\n{unobserved} pairs of tasks never overlapped: not observed" if unobserved else ""
     header = ("task", "while", "factor", "95 % interval", "n", "overlap s", "status")
     return f"{title}\n{table(header, rows, lambda i: 1 < i < 6)}{_more(seen.height)}{note}"

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from rosbags.highlevel import AnyReader
     from rosbags.interfaces import Connection
     from rosbags.typesys.store import Typestore
 
@@ -52,7 +51,7 @@ def read_bag(path: Path) -> list[BagTopic]:
             wanted = [connection for connection in reader.connections if connection.msgtype in _OUR_TYPES]
             if not wanted:  # rosbags would take an empty list for all
                 return []
-            topics = {connection.id: _topic(reader, connection, cdr=path.is_dir()) for connection in wanted}
+            topics = {connection.id: _topic(connection, reader.typestore, cdr=path.is_dir()) for connection in wanted}
             for connection, time_ns, raw in reader.messages(wanted):
                 topic = topics[connection.id]
                 topic.times_ns.append(time_ns)
@@ -89,8 +88,9 @@ def _store(type_name: str, definition: str) -> Typestore:
     return store
 
 
-def _topic(reader: AnyReader, connection: Connection, *, cdr: bool) -> BagTopic:
+def _topic(connection: Connection, store: Typestore, *, cdr: bool) -> BagTopic:
     """Return a topic without its messages; a bag that carries no definitions is taken to hold our own."""
     name = connection.msgtype
     definition = connection.msgdef.data or (message.DEFINITION if name == message.TYPE_NAME else "")
-    return BagTopic(connection.topic, name, definition, cdr, lambda raw: reader.deserialize(raw, name))
+    decode = store.deserialize_cdr if cdr else store.deserialize_ros1
+    return BagTopic(connection.topic, name, definition, cdr, lambda raw: decode(raw, name))

@@ -106,8 +106,9 @@ class Walk:
             return None
         if opcode == Opcode.ATTACHMENT and _is_whole(self._data, record):
             return None
-        disguised = _has_valid_checksum(self._data, record)
-        return end if disguised else next_chunk(self._data, offset + 1, end, self._end)
+        if _has_valid_checksum(self._data, record):  # a chunk under another opcode
+            return _body_end(self._data, record)
+        return next_chunk(self._data, offset + 1, end, self._end)
 
 
 def record_at(data: bytes, position: int, end: int) -> Record | None:

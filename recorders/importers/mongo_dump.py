@@ -1,4 +1,7 @@
-"""Read MongoDB dumps of task results: which documents can be used, and what is wrong with the others."""
+"""Read MongoDB dumps of task results: which documents can be used, and what is wrong with the others.
+
+A dump is a JSON array or one document per line, in relaxed or canonical extended JSON, as mongoexport writes them.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ _PLANNED: Final = ("t_start_planned", "t_end_planned")
 _NUMBERS: Final = (*_PLANNED, "duration_planned", "planning_time", "path_length")
 _SECONDS: Final = (*_INSTANTS, *_PLANNED)
 _END_OF_TIME_S: Final = 2.0**62 / 1e9  # planned instants add to the start of the run
+_NUMBER_TYPES: Final = {"$numberDouble": float, "$numberInt": int, "$numberLong": int}
 _SHOWN: Final = 80  # characters of a strange value
 
 
@@ -67,17 +71,42 @@ def finite_number(row: Mapping[str, Any], name: str) -> float | None:
 
 def _documents(source: Path) -> list[Any]:
     try:
-        documents = json.loads(source.read_text(encoding="utf-8"))
+        text = source.read_text(encoding="utf-8-sig")
     except OSError as error:
         found = f"a file that cannot be opened ({error.strerror})"
         raise ImportDataError(source, found, "a dump of task_results") from error
-    except (ValueError, RecursionError) as error:
+    except UnicodeDecodeError as error:
         raise ImportDataError(source, f"no JSON ({error})", "a JSON array of task results") from error
+    try:
+        documents = _parse(text)
+    except (ValueError, RecursionError) as error:
+        expected = "a JSON array of task results, or one of them per line"
+        raise ImportDataError(source, f"no JSON ({error})", expected) from error
     if isinstance(documents, dict):
         return [documents]
     if not isinstance(documents, list):
         raise ImportDataError(source, f"a JSON {type(documents).__name__}", "an array of task results")
     return documents
+
+
+def _parse(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the value of a JSON text, or the list of its lines' values."""
+    try:
+        return json.loads(text, object_hook=_extended)
+    except ValueError:
+        lines = [line for line in text.splitlines() if line.strip()]
+        if len(lines) < 2 or not lines[0].lstrip().startswith("{"):
+            raise
+        return [json.loads(line, object_hook=_extended) for line in lines]
+
+
+def _extended(value: dict[str, Any]) -> Any:  # noqa: ANN401 - a number, or the object as it is
+    """Return the number that an extended-JSON object stands for."""
+    if len(value) == 1:
+        [(name, text)] = value.items()
+        if name in _NUMBER_TYPES and isinstance(text, str):
+            return _NUMBER_TYPES[name](text)
+    return value
 
 
 def _problem(document: Any) -> str | None:  # noqa: ANN401 - any JSON value

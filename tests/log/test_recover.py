@@ -1,0 +1,170 @@
+"""Recovery: every message that can be read, nothing invented, nothing overwritten."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hrclog.errors import LogExistsError, LogReadError
+from hrclog.events import Heartbeat, RunStarted, TaskStarted
+from hrclog.log.encode import FloatSignal, event_message, run_metadata, signal_message
+from hrclog.log.indexed import read_indexed
+from hrclog.log.journal import Journal
+from hrclog.log.lanes import Lanes
+from hrclog.log.reader import read_logs
+from hrclog.log.recover import finished_path, recover
+from hrclog.log.streamed import read_streamed
+from hrclog.log.writer import RUN_METADATA, write_log
+
+N_EVENTS = 22
+
+
+def write_journal(folder: Path, name: str = "run.mcap.partial") -> Journal:
+    """Leave a journal of 22 events, a lane and two signals, as a killed recorder does."""
+    journal, lanes = Journal(folder / name), Lanes()
+    started = RunStarted(time_ns=1, run_id="r", name="run")
+    task = TaskStarted(time_ns=2, run_id="r", seq=1, agent="robot", task="pick", execution_id="e")
+    journal.append(event_message(started, 1))
+    journal.metadata(RUN_METADATA, run_metadata(started))
+    journal.append(event_message(task, 2), *lanes.after(task, 2))
+    journal.append(signal_message(FloatSignal("r", "distance", 3, 0.5), 3))
+    for seq in range(2, N_EVENTS):
+        journal.append(event_message(Heartbeat(time_ns=seq, run_id="r", seq=seq), seq))
+    journal.append(signal_message(FloatSignal("r", "distance", 30, 0.25), 30))
+    journal.close()
+    return journal
+
+
+def test_a_recovered_journal_is_a_finished_log_of_the_same_messages(tmp_path: Path) -> None:
+    journal = write_journal(tmp_path)
+    before = read_logs(journal.path, signals=True)
+    recovered = recover(journal.path)
+    assert (recovered.n_messages, recovered.problems) == (N_EVENTS + 3, [])
+    assert recovered.path == tmp_path / "run.mcap"
+    assert os.listdir(tmp_path) == ["run.mcap"]
+    after = read_logs(recovered.path, signals=True)
+    assert after.events.drop("path").equals(before.events.drop("path"))
+    assert after.signals.equals(before.signals)
+    assert after.diagnostics == []
+    contents = read_indexed(recovered.path.read_bytes())
+    assert contents.metadata[0].metadata["name"] == "run"
+    assert [channel.topic for channel in contents.channels.values()] == [
+        "/hrc/events", "/hrc/agents/robot/active_task", "/hrc/signals/distance",
+    ]  # fmt: skip
+
+
+@settings(max_examples=25)
+@given(st.floats(0, 1))
+def test_a_torn_journal_is_recovered_up_to_the_tear_and_kept(tmp_path: Path, where: float) -> None:
+    for path in tmp_path.iterdir():
+        path.unlink()
+    journal = write_journal(tmp_path)
+    whole = journal.path.read_bytes()
+    torn = whole[: 50 + int(where * (len(whole) - 50))]
+    journal.path.write_bytes(torn)
+    before = read_logs(journal.path)
+    recovered = recover(journal.path)
+    assert read_logs(recovered.path).events.drop("path").equals(before.events.drop("path"))
+    kept = tmp_path / "run.mcap.partial.damaged"
+    assert kept.exists() is bool(recovered.problems)
+    assert not journal.path.exists()
+    if kept.exists():
+        assert kept.read_bytes() == torn
+
+
+def test_recovery_goes_where_it_is_told(tmp_path: Path) -> None:
+    journal = write_journal(tmp_path)
+    assert recover(journal.path, tmp_path / "other.mcap").path == tmp_path / "other.mcap"
+    assert os.listdir(tmp_path) == ["other.mcap"]
+
+
+def test_a_journal_that_a_recorder_holds_is_left_alone(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "run.mcap.partial")
+    journal.append(event_message(Heartbeat(time_ns=1, run_id="r"), 1))
+    with pytest.raises(LogReadError, match="a journal that a recorder still writes"):
+        recover(journal.path)
+    assert os.listdir(tmp_path) == ["run.mcap.partial"]
+    journal.close()
+    recover(journal.path)
+    assert os.listdir(tmp_path) == ["run.mcap"]
+
+
+def test_a_journal_beside_the_finished_log_of_the_same_messages_is_only_removed(tmp_path: Path) -> None:
+    journal = write_journal(tmp_path)
+    left = journal.path.read_bytes()
+    finished = recover(journal.path).path.read_bytes()
+    journal.path.write_bytes(left)
+    recover(journal.path)
+    assert os.listdir(tmp_path) == ["run.mcap"]
+    assert (tmp_path / "run.mcap").read_bytes() == finished
+
+
+@pytest.mark.parametrize("content", [b"", b"something else", None])
+def test_a_target_that_holds_something_else_is_not_overwritten(tmp_path: Path, content: bytes | None) -> None:
+    journal = write_journal(tmp_path)
+    target = tmp_path / "run.mcap"
+    if content is None:
+        write_log(target, [Heartbeat(time_ns=9, run_id="r")])
+    else:
+        target.write_bytes(content)
+    before = target.read_bytes()
+    with pytest.raises(LogExistsError, match="it differs from"):
+        recover(journal.path)
+    assert target.read_bytes() == before
+    assert journal.path.exists()
+
+
+def test_a_folder_in_the_way_is_not_overwritten(tmp_path: Path) -> None:
+    journal = write_journal(tmp_path)
+    (tmp_path / "run.mcap").mkdir()
+    with pytest.raises(LogExistsError):
+        recover(journal.path)
+
+
+def test_a_damaged_finished_log_is_kept_beside_its_recovery_and_may_be_recovered_again(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_log(path, [Heartbeat(time_ns=time_ns, run_id="r") for time_ns in range(5)])
+    damaged = path.read_bytes()[:-30]
+    path.write_bytes(damaged)
+    recovered = recover(path)
+    assert recovered.path == tmp_path / "run.recovered.mcap"
+    assert path.read_bytes() == damaged
+    assert read_logs(recovered.path).events.height == 5
+    assert read_indexed(recovered.path.read_bytes()).finished
+    first = recovered.path.read_bytes()
+    assert recover(path).path.read_bytes() == first
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP", b"no log at all", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x01\x18\0"])
+def test_a_file_without_a_header_is_refused_and_kept(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "run.mcap.partial"
+    path.write_bytes(content)
+    with pytest.raises(LogReadError, match="0 events can be recovered"):
+        recover(path)
+    assert path.read_bytes() == content
+    assert os.listdir(tmp_path) == [path.name]
+
+
+@pytest.mark.parametrize("name", ["missing.mcap.partial", "a\0b", "n" * 300, "."])
+def test_a_file_that_cannot_be_opened_is_said_so(tmp_path: Path, name: str) -> None:
+    with pytest.raises(LogReadError, match="a file that cannot be opened"):
+        recover(tmp_path / name)
+
+
+def test_a_log_of_another_writer_keeps_its_schemas_and_channels(tmp_path: Path, data_dir: Path) -> None:
+    source = tmp_path / "ten.mcap"
+    source.write_bytes((data_dir / "mcap_conformance" / "TenMessages" / "TenMessages.mcap").read_bytes())
+    before, after = (read_streamed(path.read_bytes()) for path in (source, recover(source).path))
+    assert [list(batch.sequence) for batch in after.batches] == [list(batch.sequence) for batch in before.batches]
+    assert [vars(schema) for schema in after.schemas.values()] == [vars(schema) for schema in before.schemas.values()]
+    assert [channel.topic for channel in after.channels.values()] == ["example"]
+
+
+def test_names_of_journals_lead_to_those_of_their_logs() -> None:
+    assert finished_path(Path("a/run.2.mcap.partial")) == Path("a/run.2.mcap")
+    assert finished_path(Path("a/run.mcap")) == Path("a/run.recovered.mcap")
+    assert finished_path(Path("a/run.mcap.partial.damaged")) == Path("a/run.mcap.partial.recovered.mcap")
