@@ -98,6 +98,10 @@ class EventRecorder:
                 raise IllegalEventError(f"{found}, expected one that was started here")
             return TaskHandle(self, self._facts[execution])
 
+    def now_ns(self) -> int:
+        """Return the recorder's clock."""
+        return self._clock_ns()
+
     def state(self, execution_id: str) -> ExecutionState:
         """Return the state of an execution; planned if it is not known."""
         with self._lock:

@@ -8,7 +8,7 @@ from typing import Any
 
 from hrclog.errors import IllegalEventError, InvalidEventError
 from hrclog.event_rows import from_row
-from hrclog.events import Event, Outcome, Role, RunStarted, UnknownEvent
+from hrclog.events import TASK_KINDS, Event, Outcome, Role, RunStarted, UnknownEvent
 from hrclog.ids import new_id
 from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.recorders.recorder import Recorder
@@ -67,7 +67,7 @@ def _event(value: dict[str, Any], recorder: Recorder) -> Event:
     row["role"] = row["role"] or Role.PRIMARY.value
     if row["kind"] in ("task_ended", "run_ended"):
         row["outcome"] = row["outcome"] or Outcome.SUCCEEDED.value
-    if row["kind"].startswith("task_") and not row["execution_id"]:
+    if row["kind"] in TASK_KINDS and not row["execution_id"]:
         row["execution_id"] = _execution_id(row, recorder)
     event = from_row(row)
     if isinstance(event, UnknownEvent):

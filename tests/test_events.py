@@ -71,12 +71,12 @@ def test_columns_that_are_missing_count_as_unset_and_further_ones_are_ignored() 
 
 
 @pytest.mark.parametrize("plan", [{}, [], "", 0, False])
-def test_a_plan_that_is_empty_is_not_the_same_as_none(plan: Any) -> None:
+def test_a_plan_that_is_empty_is_not_the_same_as_none(plan: object) -> None:
     assert from_row(to_row(PlanChanged(time_ns=1, plan=plan))).plan == plan  # type: ignore[attr-defined]
 
 
 def test_details_may_not_name_a_field_of_the_event() -> None:
-    with pytest.raises(InvalidEventError, match="'seed'.*own field"):
+    with pytest.raises(InvalidEventError, match=r"'seed'.*own field"):
         to_row(RunStarted(time_ns=1, details={"seed": 3}))
 
 

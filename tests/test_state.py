@@ -100,18 +100,20 @@ BEFORE = {
     Phase.ENDED: [_fact(TaskStarted, 1), _fact(TaskEnded, 2)],
 }
 
+ENDED, LATE, UNSTARTED = "ended", "event_after_end", "end_without_start"
+TWICE, NOT_PAUSABLE, AGAIN = "duplicate_start", "pause_without_start", "dispatch_after_start"
 TABLE = {
-    "dispatched": (TaskDispatched, "", ["dispatched", "dispatch_after_start", "dispatch_after_start", "dispatch_after_start", "event_after_end"]),
-    "started": (TaskStarted, "", ["started", "started", "duplicate_start", "duplicate_start", "duplicate_start"]),
-    "paused": (TaskPaused, "", ["pause_without_start", "pause_without_start", "paused", "pause_while_paused", "event_after_end"]),
-    "resumed": (TaskResumed, "", ["pause_without_start", "pause_without_start", "resume_without_pause", "started", "event_after_end"]),
-    "succeeded": (TaskEnded, "succeeded", ["end_without_start", "end_without_start", "ended", "ended", "event_after_end"]),
-    "failed": (TaskEnded, "failed", ["end_without_start", "ended", "ended", "ended", "event_after_end"]),
-    "timed_out": (TaskEnded, "timed_out", ["end_without_start", "ended", "ended", "ended", "event_after_end"]),
-    "canceled": (TaskEnded, "canceled", ["ended", "ended", "ended", "ended", "event_after_end"]),
-    "skipped": (TaskEnded, "skipped", ["ended", "ended", "ended", "ended", "event_after_end"]),
-    "exploded": (TaskEnded, "exploded", ["end_without_start", "end_without_start", "invalid_outcome", "invalid_outcome", "event_after_end"]),
-}  # fmt: skip
+    "dispatched": (TaskDispatched, "", ["dispatched", AGAIN, AGAIN, AGAIN, LATE]),
+    "started": (TaskStarted, "", ["started", "started", TWICE, TWICE, TWICE]),
+    "paused": (TaskPaused, "", [NOT_PAUSABLE, NOT_PAUSABLE, "paused", "pause_while_paused", LATE]),
+    "resumed": (TaskResumed, "", [NOT_PAUSABLE, NOT_PAUSABLE, "resume_without_pause", "started", LATE]),
+    "succeeded": (TaskEnded, "succeeded", [UNSTARTED, UNSTARTED, ENDED, ENDED, LATE]),
+    "failed": (TaskEnded, "failed", [UNSTARTED, ENDED, ENDED, ENDED, LATE]),
+    "timed_out": (TaskEnded, "timed_out", [UNSTARTED, ENDED, ENDED, ENDED, LATE]),
+    "canceled": (TaskEnded, "canceled", [ENDED, ENDED, ENDED, ENDED, LATE]),
+    "skipped": (TaskEnded, "skipped", [ENDED, ENDED, ENDED, ENDED, LATE]),
+    "exploded": (TaskEnded, "exploded", [UNSTARTED, UNSTARTED, "invalid_outcome", "invalid_outcome", LATE]),
+}
 """Per event: what it leads to from planned, dispatched, started, paused, ended: a phase or a diagnostic code."""
 
 

@@ -125,7 +125,7 @@ def _flip(data: bytes, bit: int) -> bytes:
     return bytes(damaged)
 
 
-many = settings(max_examples=100)
+many = settings(max_examples=60)
 
 
 @many

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -15,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, Event, Heartbeat, TaskStarted
@@ -41,13 +41,13 @@ def write(path: Path, messages: list[bytes], definition: str = DEFINITION, encod
 
 
 @cache
-def store_of(definition: str) -> Any:
+def store_of(definition: str) -> Typestore:
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(definition, TYPE_NAME))
     return store
 
 
-def foreign(events: list[Event], definition: str, *, little_endian: bool = True, **further: Any) -> list[bytes]:
+def foreign(events: list[Event], definition: str, *, little_endian: bool = True, **further: object) -> list[bytes]:
     """Encode events with another library and layout."""
     store = store_of(definition)
     cls = store.types[TYPE_NAME]

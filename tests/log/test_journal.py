@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -92,8 +93,6 @@ def test_a_channel_whose_declaration_was_not_written_is_declared_by_the_next_mes
 def test_an_interrupt_in_the_middle_of_a_write_leaves_nothing_behind(
     journal: Journal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import os
-
     journal.append(_beat(0))
     write = os.write
 
@@ -101,9 +100,10 @@ def test_an_interrupt_in_the_middle_of_a_write_leaves_nothing_behind(
         write(fd, data[:20])
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+    with monkeypatch.context() as patch:
         patch.setattr(os, "write", interrupted)
-        journal.append(_beat(1))
+        with pytest.raises(KeyboardInterrupt):
+            journal.append(_beat(1))
     journal.append(_beat(1))
     assert _seqs(journal) == [0, 1]
 
@@ -111,8 +111,6 @@ def test_an_interrupt_in_the_middle_of_a_write_leaves_nothing_behind(
 def test_a_write_that_the_system_takes_in_pieces_is_completed(
     journal: Journal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import os
-
     write = os.write
     monkeypatch.setattr(os, "write", lambda fd, data: write(fd, data[:7]))
     journal.append(_beat(0))
@@ -120,8 +118,6 @@ def test_a_write_that_the_system_takes_in_pieces_is_completed(
 
 
 def test_each_message_is_synced_if_wished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import os
-
     synced: list[int] = []
     fsync = os.fsync
     monkeypatch.setattr(os, "fsync", lambda fd: (synced.append(fd), fsync(fd)))

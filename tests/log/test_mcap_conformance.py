@@ -110,11 +110,11 @@ def _message(content: bytes) -> mcap.records.Message:
     return mcap.records.Message.read(ReadDataStream(io.BytesIO(content)), len(content))
 
 
-def _plain(record: Any) -> dict[str, Any]:
+def _plain(record: object) -> dict[str, Any]:
     return {field.name: _value(getattr(record, field.name)) for field in fields(record)}
 
 
-def _value(value: Any) -> Any:
+def _value(value: object) -> object:
     """Return a value as the `.json` files write it: numbers are texts, bytes lists of them."""
     if isinstance(value, bytes):
         return [str(byte) for byte in value]

@@ -138,6 +138,6 @@ def test_a_text_without_its_final_nul_is_read_in_full() -> None:
         ("agent", b"robot"),
     ],
 )
-def test_a_field_that_does_not_fit_is_refused(name: str, value: Any) -> None:
+def test_a_field_that_does_not_fit_is_refused(name: str, value: object) -> None:
     with pytest.raises(InvalidEventError, match="heartbeat: a field cannot be written"):
         encode_row(EMPTY | {name: value})

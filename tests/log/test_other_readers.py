@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import polars as pl
 import pytest
@@ -40,7 +40,9 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
             with recorder.task("robot", f"pick {i}", details={"grip": i / 7}) as task:
                 task.pause("safety")
                 task.resume()
-            recorder.start("Müller, Ana", "看", planned_start_ns=T0, planned_end_ns=T0 + 5).end("failed", path_length=1 / 3)
+            recorder.start("Müller, Ana", "看", planned_start_ns=T0, planned_end_ns=T0 + 5).end(
+                "failed", path_length=1 / 3
+            )
             recorder.signal("distance to hand", i / 10)
             recorder.joints("robot", ["a", "bb"], [i / 3, -i])
         recorder.safety("robot", "reduced", 0.25, "table")
@@ -68,7 +70,7 @@ def _unset(row: dict[str, Any]) -> dict[str, Any]:
     return {name: numbers[name] if row[name] is None else row[name] for name in COLUMNS}
 
 
-def _fields(message: Any) -> dict[str, Any]:
+def _fields(message: object) -> dict[str, Any]:
     values = {name: getattr(message, name) for name in COLUMNS}
     return {name: "nan" if value != value else value for name, value in values.items()}  # noqa: PLR0124 - NaN
 
@@ -138,7 +140,7 @@ def _event_messages(log: Path) -> list[tuple[int, bytes]]:
 @pytest.mark.parametrize("plugin", list(StoragePlugin))
 @pytest.mark.parametrize("version", [8, 9])  # 9 carries definitions
 def test_a_ros_2_bag_of_our_channel_gives_equal_events(
-    log: Path, frame: pl.DataFrame, tmp_path: Path, plugin: StoragePlugin, store: Typestore, version: Any
+    log: Path, frame: pl.DataFrame, tmp_path: Path, plugin: StoragePlugin, store: Typestore, version: Literal[8, 9]
 ) -> None:
     bag = tmp_path / "bag"
     with Writer2(bag, version=version, storage_plugin=plugin) as writer:
@@ -178,7 +180,7 @@ def test_a_ros_1_bag_of_our_channel_gives_equal_events(
     assert logs.events.drop("path", "log_time_ns").equals(frame.drop("path", "log_time_ns"))
 
 
-def test_a_bag_with_a_layout_of_its_own_gives_equal_events(log: Path, frame: pl.DataFrame, tmp_path: Path) -> None:
+def test_a_bag_with_a_layout_of_its_own_gives_equal_events(frame: pl.DataFrame, tmp_path: Path) -> None:
     lines = [line for line in DEFINITION.splitlines() if line.split("#")[0].strip()]
     own = get_typestore(Stores.LATEST)
     own.register(get_types_from_msg("float32 extra\n" + "\n".join(reversed(lines)), TYPE_NAME))

@@ -139,7 +139,7 @@ def test_a_bad_file_never_hides_the_good_ones(tmp_path: Path, good: Path, name: 
 def test_several_files_none_of_which_can_be_read_are_refused_together(tmp_path: Path) -> None:
     for name in "ab":
         (tmp_path / f"{name}.mcap").write_text("nonsense")
-    with pytest.raises(LogReadError, match="found 2 files that cannot be read, the first: .*a.mcap"):
+    with pytest.raises(LogReadError, match=r"found 2 files that cannot be read, the first: .*a\.mcap"):
         read_logs(tmp_path)
 
 
@@ -175,7 +175,9 @@ def test_a_file_without_our_topic_is_said_to_carry_no_events(tmp_path: Path) -> 
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
-        channel = writer.register_channel("/chatter", "cdr", writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data"))
+        channel = writer.register_channel(
+            "/chatter", "cdr", writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        )
         writer.add_message(channel, 1, b"\0\1\0\0\2\0\0\0a\0", 1)
         writer.finish()
     logs = read_logs(path, signals=True)
@@ -246,7 +248,9 @@ def test_the_segments_of_a_run_are_numbered_through(tmp_path: Path) -> None:
 
 def test_an_event_of_an_unknown_kind_is_kept(tmp_path: Path) -> None:
     strange = UnknownEvent(time_ns=6, row=to_row(NUMBERED[1]) | {"kind": "task_teleported", "seq": 4, "time_ns": 6})
-    logs = read_logs(write_raw(tmp_path / "a.mcap", [*NUMBERED, strange, replace(strange, row={**strange.row, "seq": 5})]))
+    logs = read_logs(
+        write_raw(tmp_path / "a.mcap", [*NUMBERED, strange, replace(strange, row={**strange.row, "seq": 5})])
+    )
     assert logs.events.filter(kind="task_teleported").height == 2
     unknown = next(diagnostic for diagnostic in logs.diagnostics if diagnostic.code == "unknown_event")
     assert unknown.message == "2 events are of the unknown kind 'task_teleported'"
@@ -348,7 +352,7 @@ def test_signals_of_a_nameless_channel_belong_to_the_only_run(tmp_path: Path) ->
     assert read_log(path, signals=True).signals.rows() == [("r", "distance", 3, 0.5)]
 
 
-def test_every_diagnostic_has_a_severity_and_says_where(tmp_path: Path) -> None:
+def test_every_diagnostic_has_a_severity_and_says_where() -> None:
     for code, (severity, meaning) in CODES.items():
         diagnostic = Diagnostic(code, meaning, "run.mcap", "r", seq=4)
         assert diagnostic.severity == severity

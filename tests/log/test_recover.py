@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
+from folders import names_in
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -45,7 +45,7 @@ def test_a_recovered_journal_is_a_finished_log_of_the_same_messages(tmp_path: Pa
     recovered = recover(journal.path)
     assert (recovered.n_messages, recovered.problems) == (N_EVENTS + 3, [])
     assert recovered.path == tmp_path / "run.mcap"
-    assert os.listdir(tmp_path) == ["run.mcap"]
+    assert names_in(tmp_path) == ["run.mcap"]
     after = read_logs(recovered.path, signals=True)
     assert after.events.drop("path").equals(before.events.drop("path"))
     assert after.signals.equals(before.signals)
@@ -79,7 +79,7 @@ def test_a_torn_journal_is_recovered_up_to_the_tear_and_kept(tmp_path: Path, whe
 def test_recovery_goes_where_it_is_told(tmp_path: Path) -> None:
     journal = write_journal(tmp_path)
     assert recover(journal.path, tmp_path / "other.mcap").path == tmp_path / "other.mcap"
-    assert os.listdir(tmp_path) == ["other.mcap"]
+    assert names_in(tmp_path) == ["other.mcap"]
 
 
 def test_a_journal_that_a_recorder_holds_is_left_alone(tmp_path: Path) -> None:
@@ -87,10 +87,10 @@ def test_a_journal_that_a_recorder_holds_is_left_alone(tmp_path: Path) -> None:
     journal.append(event_message(Heartbeat(time_ns=1, run_id="r"), 1))
     with pytest.raises(LogReadError, match="a journal that a recorder still writes"):
         recover(journal.path)
-    assert os.listdir(tmp_path) == ["run.mcap.partial"]
+    assert names_in(tmp_path) == ["run.mcap.partial"]
     journal.close()
     recover(journal.path)
-    assert os.listdir(tmp_path) == ["run.mcap"]
+    assert names_in(tmp_path) == ["run.mcap"]
 
 
 def test_a_journal_beside_the_finished_log_of_the_same_messages_is_only_removed(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_a_journal_beside_the_finished_log_of_the_same_messages_is_only_removed(
     finished = recover(journal.path).path.read_bytes()
     journal.path.write_bytes(left)
     recover(journal.path)
-    assert os.listdir(tmp_path) == ["run.mcap"]
+    assert names_in(tmp_path) == ["run.mcap"]
     assert (tmp_path / "run.mcap").read_bytes() == finished
 
 
@@ -146,7 +146,7 @@ def test_a_file_without_a_header_is_refused_and_kept(tmp_path: Path, content: by
     with pytest.raises(LogReadError, match="0 events can be recovered"):
         recover(path)
     assert path.read_bytes() == content
-    assert os.listdir(tmp_path) == [path.name]
+    assert names_in(tmp_path) == [path.name]
 
 
 @pytest.mark.parametrize("name", ["missing.mcap.partial", "a\0b", "n" * 300, "."])

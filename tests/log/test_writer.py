@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import polars as pl
 import pytest
 from event_strategies import EVENTS
+from folders import names_in
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -96,7 +96,7 @@ def test_existing_logs_are_not_overwritten(tmp_path: Path) -> None:
 def test_an_event_that_cannot_be_written_leaves_no_file_behind(tmp_path: Path) -> None:
     with pytest.raises(InvalidEventError):
         write_log(tmp_path / "a.mcap", [STARTED, Heartbeat(time_ns=2, details={"x": float("nan")})])
-    assert os.listdir(tmp_path) == []
+    assert names_in(tmp_path) == []
 
 
 def test_a_folder_that_is_not_there_is_said_so(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_a_folder_that_is_not_there_is_said_so(tmp_path: Path) -> None:
 def test_a_name_as_long_as_the_file_system_allows_is_fine(tmp_path: Path) -> None:
     path = tmp_path / ("n" * 250 + ".mcap")
     write_log(path, [STARTED])
-    assert os.listdir(tmp_path) == [path.name]
+    assert names_in(tmp_path) == [path.name]
 
 
 def test_the_same_events_give_the_same_bytes(tmp_path: Path) -> None:

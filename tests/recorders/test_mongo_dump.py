@@ -11,7 +11,7 @@ import pytest
 from hrclog.recorders.importers.mongo_dump import read_task_results
 
 DOCUMENTS: list[dict[str, Any]] = [
-    {"name": "pick", "agent": "R", "recipe": "r_1", "t_start": 1689090425.5583751, "t_end": 1689090431.4405544, "outcome": 1},
+    {"name": "pick", "agent": "R", "recipe": "r_1", "t_start": 1689090425.5583751, "t_end": 1689090431.4405544},
     {"name": "place", "agent": "R", "recipe": "r_1", "t_start": 1689090432, "t_end": 1689090435.25, "outcome": 1},
 ]  # fmt: skip
 
