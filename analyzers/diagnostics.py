@@ -8,6 +8,7 @@ from typing import Final
 import polars as pl
 
 from hrclog.analyzers.intervals import counted
+from hrclog.analyzers.overlaps import MOST_PAIRS, pair_count, task_counts
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import UNKNOWN_OUTCOME, Outcome
 
@@ -25,6 +26,7 @@ def lint(events: pl.DataFrame, intervals: pl.DataFrame, overlaps: pl.DataFrame, 
         *_self_overlaps(overlaps, runs),
         *_single_outcome(intervals),
         *_one_agent(runs),
+        *_unlisted_pairs(intervals),
         *_not_ended(events, runs),
     ]
 
@@ -118,6 +120,14 @@ def _one_agent(runs: pl.DataFrame) -> list[Diagnostic]:
     if len(agents) != 1:
         return []
     return [Diagnostic("one_agent", f"{agents[0]!r} is the only agent: there are no synergies to estimate")]
+
+
+def _unlisted_pairs(intervals: pl.DataFrame) -> list[Diagnostic]:
+    count = pair_count(task_counts(intervals))
+    if count <= MOST_PAIRS:
+        return []
+    text = f"of {count} ordered pairs of tasks only those that overlapped are listed: are serial numbers in task names?"
+    return [Diagnostic("unlisted_pairs", text)]
 
 
 def _not_ended(events: pl.DataFrame, runs: pl.DataFrame) -> list[Diagnostic]:

@@ -21,6 +21,7 @@ from hrclog.state import PLANNED, ExecutionState, apply
 SORT: Final = ("run_id", "start_ns", "until_ns", "agent", "task", "execution_id")
 
 _KEY: Final = ("run_id", "execution_id")
+_LANE: Final = ("run_id", "agent", "parent_execution_id")
 # until when an open execution is known to have lasted; an annotation may be added days later
 _SIGNS_OF_LIFE: Final = (
     *TASK_KINDS,
@@ -70,8 +71,17 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
         .agg(pl.col("time_ns").max().alias("last_ns"))
     )
     rows = pl.concat([paired, folded]).join(last, on="run_id", how="left")
-    rows = rows.with_columns(pl.coalesce("end_ns", pl.max_horizontal("last_ns", "start_ns")).alias("until_ns"))
-    return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(task_events), *diagnostics]
+    rows = _with_until(rows)
+    return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(events), *diagnostics]
+
+
+def _with_until(rows: pl.DataFrame) -> pl.DataFrame:
+    """Add until when each execution lasts; an open one until its agent's next start, else the last sign of life."""
+    starts = rows.select(*_LANE, "start_ns").unique().sort(*_LANE, "start_ns")
+    following = starts.with_columns(pl.col("start_ns").shift(-1).over(_LANE).alias("next_ns"))
+    open_until = pl.max_horizontal("start_ns", pl.min_horizontal("last_ns", "next_ns"))
+    joined = rows.join(following, on=[*_LANE, "start_ns"], how="left", maintain_order="left")
+    return joined.with_columns(pl.coalesce("end_ns", open_until).alias("until_ns"))
 
 
 def counted() -> pl.Expr:

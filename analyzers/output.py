@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +20,8 @@ RUNS_FOLDER: Final = "runs"
 TABLES: Final = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics")
 
 _UNSAFE: Final = re.compile(r"[^\w.+-]+")
-_LONGEST_NAME: Final = 100
+_LONGEST_NAME: Final = 100  # bytes, of the 255 that file systems take
+_HASH_STEP: Final = 8
 
 
 def save(analysis: Analysis, folder: Path, on_step: Callable[[], None] = lambda: None) -> None:
@@ -58,26 +60,45 @@ def check_writable(folder: Path) -> None:
     Raises:
         OutputError: the folder cannot be made or written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".hrclog-probe"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(folder, f"cannot be written ({error.strerror or error})") from error
+    existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise OutputError(folder, f"cannot be made, {existing} is no folder")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise OutputError(folder, f"cannot be written, {existing} gives no permission")
 
 
 def recording_names(runs: pl.DataFrame) -> dict[str, str]:
-    """Return run_id -> file name: the run's name, made safe, with a part of its id where two would be equal."""
-    clean = {
-        run: _UNSAFE.sub("_", name).strip(".")[:_LONGEST_NAME] or "run"
-        for run, name in runs.select("run_id", "name").iter_rows()
-    }
-    folded = [name.casefold() for name in clean.values()]
-    return {
-        run: f"{name}.rrd" if folded.count(name.casefold()) == 1 else f"{name}-{_UNSAFE.sub('_', run)[:40]}.rrd"
-        for run, name in clean.items()
-    }
+    """Return run_id -> file name: the run's name, made safe, with a hash of its id where two would be one file.
+
+    The names do not depend on the order of the runs.
+    """
+    stems = {run: _stem(name) for run, name in runs.select("run_id", "name").iter_rows()}
+    lengths = dict.fromkeys(stems, 0)
+    names = stems
+    while alike := _alike(names):  # a name with a hash may be the name of another run
+        lengths |= {run: lengths[run] + _HASH_STEP for run in alike}
+        names = {run: _hashed(stem, run, lengths[run]) for run, stem in stems.items()}
+    return {run: f"{name}.rrd" for run, name in names.items()}
+
+
+def _stem(name: str) -> str:
+    # file systems count bytes, and a character has up to four
+    return _UNSAFE.sub("_", name).strip(".").encode()[:_LONGEST_NAME].decode(errors="ignore") or "run"
+
+
+def _hashed(stem: str, run_id: str, length: int) -> str:
+    return f"{stem}-{hashlib.sha256(run_id.encode()).hexdigest()[:length]}" if length else stem
+
+
+def _alike(names: dict[str, str]) -> list[str]:
+    """Return the runs whose names some file systems would not tell apart from another's."""
+    folded = {run: _folded(name) for run, name in names.items()}
+    counts = Counter(folded.values())
+    return [run for run, name in folded.items() if counts[name] > 1]
+
+
+def _folded(name: str) -> str:
+    return unicodedata.normalize("NFD", unicodedata.normalize("NFD", name).casefold())
 
 
 def _remove_stale(folder: Path, current: set[str]) -> None:

@@ -19,6 +19,11 @@ from hrclog.log.message import IntArray
 _BLOCK_ROWS: Final = 100_000  # keeps the arrays of a sweep in the processor's cache
 _BLOCK_SPAN_NS: Final = 2.0**62  # runs put after each other must stay within int64
 
+MOST_PAIRS: Final = 1_000_000
+"""With more pairs of tasks than this, tables list the observed ones only."""
+
+PAIR: Final = ("agent", "task", "other_agent", "other_task")
+
 _SIDE: Final = ("execution_id", "agent", "task")
 
 
@@ -79,11 +84,11 @@ def pair_overlaps(intervals: pl.DataFrame, overlaps: pl.DataFrame) -> pl.DataFra
     tasks = task_counts(intervals)
     sums = (
         overlaps.filter(pl.col("agent") != pl.col("other_agent"))
-        .group_by("agent", "task", "other_agent", "other_task")
+        .group_by(PAIR)
         # sorted, the sum does not depend on the order of the rows, nor on who is called what
         .agg(pl.col("overlap_ns").sum(), pl.len().alias("n"), pl.col("ratio").sort().sum())
     )
-    pairs = task_pairs(tasks).join(sums, on=["agent", "task", "other_agent", "other_task"], how="left")
+    pairs = task_pairs(tasks, sums).join(sums, on=PAIR, how="left")
     return pairs.select(
         "agent",
         "task",
@@ -100,11 +105,25 @@ def task_counts(intervals: pl.DataFrame) -> pl.DataFrame:
     return intervals.filter(counted()).group_by("agent", "task").agg(pl.len().alias("executions")).sort("agent", "task")
 
 
-def task_pairs(tasks: pl.DataFrame) -> pl.DataFrame:
-    """Return every ordered pair of tasks of different agents, sorted."""
-    others = tasks.select(pl.col("agent", "task").name.prefix("other_"))
-    pairs = tasks.join(others, how="cross").filter(pl.col("agent") != pl.col("other_agent"))
-    return pairs.sort("agent", "task", "other_agent", "other_task")
+def task_pairs(tasks: pl.DataFrame, observed: pl.DataFrame) -> pl.DataFrame:
+    """Return every ordered pair of tasks of different agents, sorted; only the observed ones where there are too many.
+
+    Args:
+        tasks: what `task_counts` returned.
+        observed: a frame with the columns `PAIR`.
+    """
+    if pair_count(tasks) > MOST_PAIRS:
+        pairs = observed.select(PAIR).join(tasks, on=["agent", "task"])
+    else:
+        others = tasks.select(pl.col("agent", "task").name.prefix("other_"))
+        pairs = tasks.join(others, how="cross").filter(pl.col("agent") != pl.col("other_agent"))
+    return pairs.sort(PAIR)
+
+
+def pair_count(tasks: pl.DataFrame) -> int:
+    """Return how many ordered pairs of tasks of different agents there are."""
+    per_agent = tasks.group_by("agent").len()["len"].cast(pl.Int64)
+    return int(per_agent.sum()) ** 2 - int((per_agent**2).sum())
 
 
 def _blocks(run: pl.Series, start: IntArray, end: IntArray) -> Iterator[tuple[int, int, IntArray]]:

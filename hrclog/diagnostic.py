@@ -27,6 +27,8 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "identity_changed": ("error", "an execution changed its agent or task on the way; the event was skipped"),
     "missing_identity": ("error", "a task event names no agent, task or execution; the event was skipped"),
     "invalid_outcome": ("error", "an outcome is not in the vocabulary; the execution's outcome is unknown"),
+    "invalid_time": ("error", "an event's instant is more than 73 years from 1970; the event was skipped"),
+    "conflicting_runs": ("error", "two different runs carry the same id; their events cannot be told apart"),
     "skipped_row": ("error", "a row of the source could not be imported"),
     "no_events": ("error", "the file is readable but carries no events"),
     # worth a look, nothing lost
@@ -34,6 +36,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "invalid_details": ("warning", "the details of an event are not a JSON object and were ignored"),
     "newer_schema": ("warning", "an event was written by a newer version; the fields known here were read"),
     "non_finite_value": ("warning", "a number was NaN or infinite and counts as unset"),
+    "invalid_value": ("warning", "a value outside its range or vocabulary counts as unset"),
     "open_execution": ("warning", "an execution was still open when the log ended; it is counted as censored"),
     "self_overlap": ("warning", "an agent overlaps itself (two arms, or two people under one name)"),
     "zero_duration": ("warning", "an execution ended in the instant in which it started"),
@@ -47,6 +50,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
     "hidden_attempts": ("info", "the numbering of the recipes has gaps, so attempts were deleted upstream"),
+    "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
     "run_not_ended": ("info", "the run has no run_ended event"),
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any, Final
@@ -14,12 +13,14 @@ from hrclog.events import (
     EVENT_CLASSES,
     FLOAT_COLUMNS,
     INT_COLUMNS,
+    LATEST_NS,
     SCHEMA_VERSION,
     STRING_COLUMNS,
     TASK_KINDS,
     Cause,
     Event,
     Outcome,
+    Role,
     UnknownEvent,
 )
 
@@ -43,6 +44,7 @@ _DETAIL_DEFAULTS: Final[dict[type[Event], dict[str, Any]]] = {
 }
 _OUTCOMES: Final = tuple(outcome.value for outcome in Outcome)
 _CAUSES: Final = tuple(cause.value for cause in Cause)
+_ROLES: Final = tuple(role.value for role in Role)
 
 
 def to_row(event: Event) -> dict[str, Any]:
@@ -107,6 +109,7 @@ def parse_details(text: str, kind: str = "event") -> dict[str, Any]:
         return {}
     try:
         details = json.loads(text)
+        json.dumps(details, ensure_ascii=False).encode()  # an escaped half of a surrogate pair is no text
     except (ValueError, RecursionError) as error:
         raise InvalidEventError(f"{kind}: details are not JSON ({error}): {text[:80]!r}") from error
     if not isinstance(details, dict):
@@ -121,20 +124,32 @@ def check_row(row: Mapping[str, Any]) -> None:
         InvalidEventError: names the field, what was found and what is allowed.
     """
     kind = row["kind"]
-    if row["time_ns"] is None:
-        raise InvalidEventError(f"{kind}: time_ns is not set, expected ns since the epoch")
+    _check_instants(row)
     if kind in TASK_KINDS:
         for name in ("agent", "task", "execution_id"):
-            if not row[name]:
+            if not row[name].strip():
                 raise InvalidEventError(f"{kind}: {name} is empty, expected a name")
+        _check_word(row, "role", _ROLES)
     if kind in ("task_ended", "run_ended"):
         _check_word(row, "outcome", _OUTCOMES)
     if kind == "task_paused":
         _check_word(row, "cause", _CAUSES)
     scale = row["speed_scale"]
-    if scale is not None and not (math.isfinite(scale) and scale >= 0.0):
-        found = f"{kind}: speed_scale is {scale!r}"
-        raise InvalidEventError(f"{found}, expected a number from 0 (stopped), 1 is full speed")
+    if scale is not None and not (isinstance(scale, int | float) and 0.0 <= scale <= 1.0):
+        raise InvalidEventError(
+            f"{kind}: speed_scale is {scale!r}, expected a number from 0 (stopped) to 1 (full speed)"
+        )
+
+
+def _check_instants(row: Mapping[str, Any]) -> None:
+    for name in INT_COLUMNS:
+        value = row[name]
+        if value is None and name != "time_ns":
+            continue
+        lowest = 0 if name == "time_ns" else -LATEST_NS
+        if not isinstance(value, int) or not lowest <= value <= LATEST_NS:
+            found = f"{row['kind']}: {name} is {value!r}"
+            raise InvalidEventError(f"{found}, expected whole nanoseconds since 1970 from {lowest} to {LATEST_NS}")
 
 
 def _check_word(row: Mapping[str, Any], name: str, words: tuple[str, ...]) -> None:

@@ -37,6 +37,9 @@ STRING_COLUMNS: Final = (
 COLUMNS: Final = ("schema_version", "attempt", "seq", *INT_COLUMNS, *FLOAT_COLUMNS, *STRING_COLUMNS)
 """The flat columns of an event, in wire order. Unset integers and floats are None, unset strings ""."""
 
+LATEST_NS: Final = 2**61
+"""Instants lie within this of 1970 (73 years), so that sums and differences stay within int64."""
+
 UNKNOWN_OUTCOME: Final = "unknown"
 """Outcome that a reader derives for an execution still open at the end of its log; never written."""
 

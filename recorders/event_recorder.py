@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -17,10 +18,12 @@ from hrclog.log.lanes import Lanes
 from hrclog.log.recover import recover
 from hrclog.log.writer import RUN_METADATA
 from hrclog.recorders.segments import Segment
-from hrclog.recorders.task_handle import NOW, TaskHandle
+from hrclog.recorders.task_handle import NOW, TaskHandle, instant
 from hrclog.state import PLANNED, ExecutionState, Phase, apply
 
 AnyEvent = TypeVar("AnyEvent", bound=Event)
+
+_OPEN = (Phase.STARTED, Phase.PAUSED)
 
 
 def steady_clock() -> Callable[[], int]:
@@ -54,6 +57,10 @@ class EventRecorder:
         self._facts: dict[str, TaskFact] = dict(segment.facts)
         self._ended = False
         self._lanes = Lanes()
+        self._open_ids = {key: None for key, state in self._states.items() if state.phase in _OPEN}
+        self._last_ns: dict[str, int] = {key: self._states[key].start_ns or 0 for key in self._open_ids}
+        self._floor_ns = segment.last_ns
+        self._pid = os.getpid()
         for handle in self.open_executions():
             self._lanes.begin(handle.fact)
         self._journal: Journal | None = None
@@ -71,7 +78,7 @@ class EventRecorder:
             journal = self._open_journal()
             if self._ended:
                 raise IllegalEventError(f"{self.path}: found {event.kind} after run_ended, expected nothing more")
-            now = self._clock_ns()
+            now = self._now()
             time_ns = now if event.time_ns == NOW else event.time_ns
             numbered = replace(event, run_id=self.run_id, seq=self._seq, time_ns=time_ns)
             state = self._next_state(numbered)
@@ -100,7 +107,8 @@ class EventRecorder:
 
     def now_ns(self) -> int:
         """Return the recorder's clock."""
-        return self._clock_ns()
+        with self._lock:
+            return self._now()
 
     def state(self, execution_id: str) -> ExecutionState:
         """Return the state of an execution; planned if it is not known."""
@@ -110,23 +118,26 @@ class EventRecorder:
     def open_executions(self) -> list[TaskHandle]:
         """Return the executions that have begun and not ended, in order of their start."""
         with self._lock:
-            return [
-                TaskHandle(self, self._facts[execution_id])
-                for execution_id, state in self._states.items()
-                if state.phase in (Phase.STARTED, Phase.PAUSED)
-            ]
+            return [TaskHandle(self, self._facts[execution_id]) for execution_id in self._open_ids]
 
-    def close(self, outcome: str = Outcome.SUCCEEDED, reason: str = "") -> None:
+    def close(self, outcome: str = Outcome.SUCCEEDED, reason: str = "", *, time_ns: int | None = None) -> None:
         """End the run and finish the log; tasks still open stay open. Closing twice does nothing.
+
+        A process that was forked from the recorder's closes nothing: the run is not its own.
+
+        Args:
+            outcome: of the run.
+            reason: why.
+            time_ns: when the run ended; default now.
 
         Raises:
             LogWriteError: the finished log could not be written; the journal holds everything, see `hrclog recover`.
         """
         with self._lock:
-            if self._journal is None:
+            if self._journal is None or os.getpid() != self._pid:
                 return
             if not self._ended:
-                self.record(RunEnded(time_ns=NOW, outcome=str(outcome), reason=reason))
+                self.record(RunEnded(time_ns=instant(time_ns), outcome=str(outcome), reason=reason))
             journal, self._journal = self._journal, None
             journal.close()
             recover(journal.path, self.path)
@@ -146,7 +157,7 @@ class EventRecorder:
     def _sample(self, signal: Signal) -> None:
         """Write a sample of a signal."""
         with self._lock:
-            now = self._clock_ns()
+            now = self._now()
             timed = replace(signal, time_ns=now) if signal.time_ns == NOW else signal
             self._open_journal().append(signal_message(timed, now))
 
@@ -157,6 +168,12 @@ class EventRecorder:
         if isinstance(event, TaskFact) and state is not None:
             self._states[event.execution_id] = state
             self._facts.setdefault(event.execution_id, event)
+            if state.phase in _OPEN:
+                self._open_ids[event.execution_id] = None
+                self._last_ns[event.execution_id] = event.time_ns
+            else:
+                self._open_ids.pop(event.execution_id, None)
+                self._last_ns.pop(event.execution_id, None)
 
     def _next_state(self, event: Event) -> ExecutionState | None:
         if not isinstance(event, TaskFact):
@@ -167,9 +184,24 @@ class EventRecorder:
                 f"{self.path}: {event.kind} of {event.agent!r}, {event.task!r} is not allowed ({problem}); "
                 f"the execution is {self.state(event.execution_id).phase}"
             )
+        last_ns = self._last_ns.get(event.execution_id, event.time_ns)
+        if event.time_ns < last_ns:
+            raise IllegalEventError(
+                f"{self.path}: {event.kind} of {event.agent!r}, {event.task!r} at {event.time_ns} ns comes before what "
+                f"happened to it at {last_ns} ns; expected a later instant"
+            )
         return state
 
+    def _now(self) -> int:
+        """Return the clock's instant, never before one that was given out before."""
+        self._floor_ns = max(self._clock_ns(), self._floor_ns)
+        return self._floor_ns
+
     def _open_journal(self) -> Journal:
+        if os.getpid() != self._pid:
+            raise IllegalEventError(
+                f"{self.path}: the recorder belongs to process {self._pid}; record another run here"
+            )
         if self._journal is None:
             raise IllegalEventError(f"{self.path}: the recorder is closed; continue the run with resume=True")
         return self._journal

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from hrclog.errors import InvalidEventError
 from hrclog.events import (
     AnnotationAdded,
     Cause,
@@ -27,9 +28,14 @@ from hrclog.ids import new_id
 from hrclog.log.encode import FloatSignal, JointSignal
 from hrclog.recorders.event_recorder import EventRecorder, steady_clock
 from hrclog.recorders.segments import first_segment, next_segment
-from hrclog.recorders.task_handle import NOW, TaskHandle, instant
+from hrclog.recorders.task_handle import NOW, TaskHandle, as_details, instant
 
 __all__ = ["Recorder", "TaskHandle"]
+
+
+def log_path(path: str | Path) -> Path:
+    """Return a path with the ending .mcap."""
+    return Path(path) if Path(path).suffix == ".mcap" else Path(f"{path}.mcap")
 
 
 class Recorder(EventRecorder):
@@ -48,6 +54,7 @@ class Recorder(EventRecorder):
         dispatch_mode: how tasks are handed out.
         software: names and versions worth keeping.
         seed: of whatever is random.
+        time_ns: when the run began.
         resume: continue the run that is at `path`, in a further segment beside it.
         fsync: each event also survives a crash of the operating system, at 1-4 ms per event.
         clock_ns: the recorder's clock.
@@ -70,14 +77,15 @@ class Recorder(EventRecorder):
         dispatch_mode: str = "",
         software: Mapping[str, str] | None = None,
         seed: int | None = None,
+        time_ns: int | None = None,
         resume: bool = False,
         fsync: bool = False,
         clock_ns: Callable[[], int] | None = None,
     ) -> None:
-        target = Path(path) if Path(path).suffix == ".mcap" else Path(f"{path}.mcap")
+        target = log_path(path)
         segment = next_segment(target) if resume else first_segment(target)
         started = RunStarted(
-            time_ns=NOW,
+            time_ns=instant(time_ns),
             name=run or segment.name or target.stem,
             agents=tuple(agents),
             plan=plan,
@@ -166,7 +174,7 @@ class Recorder(EventRecorder):
             parent_execution_id=parent_execution_id,
             planned_start_ns=planned_start_ns,
             planned_end_ns=planned_end_ns,
-            details=dict(details or {}),
+            details=as_details(details),
         )
         return TaskHandle(self, self.record(event))
 
@@ -221,13 +229,15 @@ class Recorder(EventRecorder):
 
     def signal(self, name: str, value: float, *, time_ns: int | None = None) -> None:
         """Record a sample of a scalar signal."""
-        self._sample(FloatSignal(self.run_id, name, instant(time_ns), float(value)))
+        if not name.strip():
+            raise InvalidEventError(f"{self.path}: found a signal without a name, expected one")
+        self._sample(FloatSignal(self.run_id, name, instant(time_ns), _number(value)))
 
     def joints(
         self, agent: str, names: Sequence[str], positions: Sequence[float], *, time_ns: int | None = None
     ) -> None:
         """Record an agent's joint positions, rad or m."""
-        self._sample(JointSignal(self.run_id, agent, instant(time_ns), tuple(names), tuple(map(float, positions))))
+        self._sample(JointSignal(self.run_id, agent, instant(time_ns), tuple(names), tuple(map(_number, positions))))
 
     def annotate(self, text: str, execution: TaskHandle | str = "") -> None:
         """Record a remark on the run, or on one execution; a correction is a remark too, nothing is ever edited."""
@@ -255,6 +265,13 @@ class Recorder(EventRecorder):
     def heartbeat(self, agent: str = "") -> None:
         """Record that an agent, or the recorder itself, is alive."""
         self.record(Heartbeat(time_ns=NOW, agent=agent))
+
+
+def _number(value: float) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidEventError(f"found {value!r}, expected a number") from error
 
 
 def _outcome_of(error: BaseException | None) -> tuple[str, str]:

@@ -32,6 +32,7 @@ class Segment:
     name: str = ""
     states: Mapping[str, ExecutionState] = field(default_factory=dict)
     facts: Mapping[str, TaskFact] = field(default_factory=dict)
+    last_ns: int = 0
 
 
 def first_segment(path: Path) -> Segment:
@@ -40,9 +41,10 @@ def first_segment(path: Path) -> Segment:
     Raises:
         LogExistsError: a log or a journal of that name exists.
     """
-    for existing in (path, journal_path(path)):
+    for existing in (path, journal_path(path), segment_path(path, 2), journal_path(segment_path(path, 2))):
         if exists(existing):
-            raise LogExistsError(existing, "choose another name, or continue that run with resume=True")
+            remedy = "choose another name, or continue that run with resume=True (hrclog record --resume)"
+            raise LogExistsError(existing, remedy)
     return Segment(path, new_id())
 
 
@@ -78,7 +80,8 @@ def _is_there(path: Path) -> bool:
 
 
 def _continued(path: Path, number: int, events: pl.DataFrame) -> Segment:
-    states, facts = _fold(events.iter_rows(named=True))
+    # in the order of writing, as the recorder before saw them
+    states, facts = _fold(events.sort("seq", maintain_order=True).iter_rows(named=True))
     return Segment(
         path=path,
         run_id=events["run_id"][0],
@@ -87,6 +90,7 @@ def _continued(path: Path, number: int, events: pl.DataFrame) -> Segment:
         name=_name(events.filter(events["kind"] == "run_started")["details"].to_list()),
         states=states,
         facts=facts,
+        last_ns=int(events.select("time_ns").max().item()),
     )
 
 

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import difflib
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from itertools import chain
+from pathlib import Path
+from typing import Any, Final
 
 from hrclog.errors import IllegalEventError, InvalidEventError
-from hrclog.event_rows import from_row
-from hrclog.events import TASK_KINDS, Event, Outcome, Role, RunStarted, UnknownEvent
+from hrclog.event_rows import from_row, parse_details
+from hrclog.events import COLUMNS, TASK_KINDS, Event, Outcome, Role, RunStarted, UnknownEvent
 from hrclog.ids import new_id
 from hrclog.log.json_rows import parse_object, row_from_object
-from hrclog.recorders.recorder import Recorder
+from hrclog.recorders.recorder import Recorder, log_path
+from hrclog.recorders.segments import first_segment
 from hrclog.recorders.task_handle import instant
+
+_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed")
+_BYTE_ORDER_MARK: Final = "\ufeff"
+
+Line = tuple[int, str]
+"""(number, text) of a line that is not empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,44 +33,123 @@ class Refused:
     reason: str
 
 
-def record_lines(
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What became of the lines."""
+
+    path: Path
+    run_id: str
+    n_events: int
+    refused: list[Refused]
+
+
+def record_stream(
     lines: Iterable[str],
+    path: Path,
+    *,
+    run: str = "",
+    resume: bool = False,
+    fsync: bool = False,
+    on_event: Callable[[Event], None] = lambda _: None,
+    on_refusal: Callable[[Refused], None] = lambda _: None,
+    outcome: Callable[[], str] = lambda: Outcome.SUCCEEDED,
+) -> Recorded:
+    """Record a run from JSON lines until they end.
+
+    The run begins with its first line: a `run_started` gives name, agents and what else it knows; else the first
+    line's `time_ns`, if it has one, is when the run began. It ends when its last line happened, where that says when.
+
+    Args:
+        lines: text lines, see `record_lines`.
+        path: the log to be.
+        run: name of the run; default what a first `run_started` says, or the file's.
+        resume: continue the run that is at `path`.
+        fsync: each event also survives a crash of the operating system.
+        on_event: called after each event has been written.
+        on_refusal: called for each line that is not recorded, at once.
+        outcome: asked at the end for the outcome of a run that no `run_ended` ended.
+
+    Raises:
+        LogExistsError: the log exists.
+        LogWriteError: the log cannot be written.
+    """
+    if not resume:
+        first_segment(log_path(path))  # say so before waiting for input
+    numbered = _numbered(lines)
+    first = next(numbered, None)
+    opening, rest = _opening(first, numbered)
+    facts = {"run": run or opening.pop("name", ""), **opening}
+    with Recorder(path, resume=resume, fsync=fsync, **facts) as recorder:
+        n_events, refused, last_ns = record_lines(rest, recorder, on_event, on_refusal)
+        recorder.close(outcome(), time_ns=last_ns)
+    return Recorded(recorder.path, recorder.run_id, n_events, refused)
+
+
+def record_lines(
+    lines: Iterable[Line],
     recorder: Recorder,
     on_event: Callable[[Event], None] = lambda _: None,
     on_refusal: Callable[[Refused], None] = lambda _: None,
-) -> tuple[int, list[Refused]]:
+) -> tuple[int, list[Refused], int | None]:
     """Record one event per line: a JSON object with the fields of `TaskEvent`.
 
     `kind` must be there. `time_ns` defaults to now, `outcome` to succeeded; `run_id` and `seq` are the recorder's. A
     start without an `execution_id` gets a new one; another task event without one means the open execution of that
-    agent and task.
+    agent and task. Unknown fields are refused; further facts belong into `details`.
 
     Args:
-        lines: text lines; empty ones are passed over.
+        lines: numbered text lines.
         recorder: takes the events.
         on_event: called after each event has been written.
         on_refusal: called for each line that is not recorded, at once.
 
     Returns:
-        How many events were recorded, and the lines that were refused.
+        How many events were recorded, the lines that were refused, and the instant of the last event if its line
+        said when it happened.
     """
     count = 0
+    last_ns: int | None = None
     refused: list[Refused] = []
-    for number, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
+    for number, line in lines:
         try:
-            recorded = recorder.record(_event(parse_object(line), recorder))
+            value = parse_object(line)
+            recorded = recorder.record(_event(value, recorder))
         except (InvalidEventError, IllegalEventError) as error:
             refused.append(Refused(number, str(error)))
             on_refusal(refused[-1])
             continue
         count += 1
+        last_ns = None if value.get("time_ns") is None else max(recorded.time_ns, last_ns or 0)
         on_event(recorded)
-    return count, refused
+    return count, refused, last_ns
+
+
+def _numbered(lines: Iterable[str]) -> Iterator[Line]:
+    for number, line in enumerate(lines, 1):
+        text = line.removeprefix(_BYTE_ORDER_MARK) if number == 1 else line
+        if text.strip():
+            yield number, text
+
+
+def _opening(first: Line | None, rest: Iterator[Line]) -> tuple[dict[str, Any], Iterator[Line]]:
+    """Return what the first line says of the run, and the lines that are still to be recorded."""
+    if first is None:
+        return {}, rest
+    try:
+        value = parse_object(first[1])
+        row = row_from_object(value)
+        details = parse_details(row["details"])
+    except InvalidEventError:
+        return {}, chain([first], rest)
+    began = {} if row["time_ns"] is None else {"time_ns": row["time_ns"]}
+    if row["kind"] != RunStarted.kind:
+        return began, chain([first], rest)
+    facts = {name: value.get(name, details.get(name)) for name in _RUN_FACTS}
+    return began | {name: fact for name, fact in facts.items() if fact is not None}, rest
 
 
 def _event(value: dict[str, Any], recorder: Recorder) -> Event:
+    _check_fields(value)
     row = row_from_object(value)
     row["time_ns"] = instant(row["time_ns"])
     row["seq"] = 0
@@ -73,8 +162,16 @@ def _event(value: dict[str, Any], recorder: Recorder) -> Event:
     if isinstance(event, UnknownEvent):
         raise InvalidEventError(f"kind is {row['kind']!r}, expected one of the vocabulary (see docs/events.md)")
     if isinstance(event, RunStarted):
-        raise InvalidEventError("found run_started, which the recorder writes itself; name the run with --run")
+        raise InvalidEventError("found run_started after the run began, expected it in the first line or not at all")
     return event
+
+
+def _check_fields(value: dict[str, Any]) -> None:
+    for name in value:
+        if name not in COLUMNS:
+            near = difflib.get_close_matches(name.lower(), COLUMNS, 1)
+            hint = f"did you mean {near[0]!r}?" if near else "put further facts into details"
+            raise InvalidEventError(f"found the unknown field {name!r}, expected those of TaskEvent; {hint}")
 
 
 def _execution_id(row: dict[str, Any], recorder: Recorder) -> str:

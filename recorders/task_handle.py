@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Self, TypeVar
 
+from hrclog.errors import InvalidEventError
 from hrclog.events import Cause, Outcome, TaskEnded, TaskFact, TaskPaused, TaskResumed, TaskStarted
 from hrclog.log.message import UNSET_INT
 
@@ -64,7 +65,7 @@ class TaskHandle:
                 planning_time_s=planning_time_s,
                 path_length=path_length,
                 target=target,
-                details=dict(details or {}),
+                details=as_details(details),
             )
         )
 
@@ -75,6 +76,18 @@ class TaskHandle:
     def resume(self, *, time_ns: int | None = None) -> None:
         """Record that the execution went on."""
         self.recorder.record(_of(TaskResumed, self.fact, time_ns))
+
+
+def as_details(details: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return the details of an event as a dictionary.
+
+    Raises:
+        InvalidEventError: they are something else.
+    """
+    try:
+        return dict(details or {})
+    except (TypeError, ValueError) as error:
+        raise InvalidEventError(f"details are {details!r}, expected a mapping of names to values") from error
 
 
 def instant(time_ns: int | None) -> int:

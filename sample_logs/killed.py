@@ -15,7 +15,7 @@ from pathlib import Path
 
 from hrclog import Recorder
 
-FILE_SIZE = 8_100
+FILE_SIZE = 10_700
 FIRST_NS = 1_700_000_000_000_000_000
 
 

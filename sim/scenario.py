@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -141,6 +143,11 @@ class Scenario:
     def durations_s(self) -> dict[AgentTask, float]:
         """Mean duration of (agent, task) when nobody hinders it."""
         return {key: work.time.mean_s for key, work in self.work.items()}
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of all that the scenario says, as hexadecimal text."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
 
 
 def scenario_names() -> list[str]:

@@ -7,13 +7,11 @@ from typing import Final
 import polars as pl
 
 from hrclog.analyzers.intervals import counted
-from hrclog.analyzers.overlaps import overlaps, task_counts, task_pairs
+from hrclog.analyzers.overlaps import PAIR, overlaps, task_counts, task_pairs
 from hrclog.analyzers.schemas import SYNERGIES
 from hrclog.events import Outcome
 
 SPARSE_BELOW: Final = 5
-
-PAIR: Final = ("agent", "task", "other_agent", "other_task")
 
 
 def successful(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -67,7 +65,7 @@ def synergy_table(
     """
     seen = pairs.group_by(PAIR).agg(pl.len().alias("n"), pl.col("overlap_s").sort().sum())
     table = (
-        task_pairs(task_counts(intervals))
+        task_pairs(task_counts(intervals), seen)
         .join(seen, on=PAIR, how="left")
         .join(coefficients, on=PAIR, how="left")
         .with_columns(pl.col("n").fill_null(0), pl.col("overlap_s").fill_null(0.0))

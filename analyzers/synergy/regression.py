@@ -19,10 +19,10 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.busy import busy_times
+from hrclog.analyzers.overlaps import PAIR
 from hrclog.analyzers.synergy.least_squares import Floats, fit
 from hrclog.analyzers.synergy.outliers import Outliers, inliers
 from hrclog.analyzers.synergy.pairs import (
-    PAIR,
     mean_durations,
     overlapping_pairs,
     successful,

@@ -82,8 +82,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except click.Abort:
         click.echo("hrclog: interrupted", err=True)
         return 130
-    except BrokenPipeError:
-        # the reader of our output went away; what is still buffered has nowhere to go
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        # every path is opened behind a HrclogError, so this is standard output: its reader went away, or it is full.
+        # What is still buffered has nowhere to go.
+        if debug:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if not isinstance(error, BrokenPipeError):
+            click.echo(f"hrclog: error: the result could not be written ({error.strerror or error})", err=True)
         return 1
     return result if isinstance(result, int) else 0

@@ -41,7 +41,13 @@ class Progress:
         """Count one step."""
         self._count += 1
         now = time.monotonic()
-        if sys.stderr.isatty() and now - self._since > _QUIET_SECONDS and now - self._last > 0.1:
+        # there is no standard error where the caller has closed it
+        if (
+            sys.stderr is not None
+            and sys.stderr.isatty()
+            and now - self._since > _QUIET_SECONDS
+            and now - self._last > 0.1
+        ):
             self._last, self._shown = now, True
             of_total = f"/{self._total}" if self._total else ""
             click.echo(f"\r{self._label} {self._count}{of_total}", err=True, nl=False)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
+import json
 import signal
 import sys
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import click
 
@@ -27,9 +29,17 @@ class _Input:
 
     def __init__(self) -> None:
         self._waiting = False
-        self._stopped = False
-        signal.signal(signal.SIGTERM, self._stop)
-        signal.signal(signal.SIGINT, self._stop)
+        self.stopped = False
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(errors="backslashreplace")  # bytes that are no text make one bad line, not the last
+
+    def __enter__(self) -> Self:
+        self._before = {number: signal.signal(number, self._stop) for number in (signal.SIGTERM, signal.SIGINT)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
 
     def __iter__(self) -> Iterator[str]:
         while line := self._next():
@@ -38,14 +48,14 @@ class _Input:
     def _next(self) -> str:
         try:
             self._waiting = True
-            return "" if self._stopped else sys.stdin.readline()
+            return "" if self.stopped else sys.stdin.readline()
         except _Stop:
             return ""
         finally:
             self._waiting = False
 
     def _stop(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the form of a signal handler
-        self._stopped = True
+        self.stopped = True
         if self._waiting:  # elsewhere an event is being written, which must not be interrupted
             raise _Stop
 
@@ -57,34 +67,61 @@ class _Input:
 @click.option("--fsync", is_flag=True, help="Each event also survives a crash of the operating system.")
 @click.option("--ack", is_flag=True, help="Print seq and execution_id of each event once it is safe.")
 @json_option
-def command(path: Path, run: str, resume: bool, fsync: bool, ack: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def command(
+    path: Path,
+    run: str,
+    resume: bool,  # noqa: FBT001 - click passes flags by name
+    fsync: bool,  # noqa: FBT001 - click passes flags by name
+    ack: bool,  # noqa: FBT001 - click passes flags by name
+    as_json: bool,  # noqa: FBT001 - click passes flags by name
+) -> int:
     """Record a run from JSON lines on standard input, until it closes.
 
-    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names. `time_ns` defaults to now; a
-    task_ended without `execution_id` ends the open execution of that agent and task. A line that cannot be recorded is
-    reported with its number, and the rest goes on (exit code 3).
+    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names. `time_ns` defaults to now;
+    a first line of kind run_started may name the run; a task_ended without `execution_id` ends the open execution of
+    that agent and task. A line that cannot be recorded is reported with its number, and the rest goes on (exit code 3).
 
     \b
     Example:
       echo '{"kind": "task_started", "agent": "robot", "task": "pick"}' | hrclog record run.mcap
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.recorders.recorder import Recorder
-    from hrclog.recorders.stdin import Refused, record_lines
+    from hrclog.recorders.stdin import Refused, record_stream
 
     def accepted(event: Event) -> None:
         if ack:
-            click.echo(f'{{"seq": {event.seq}, "execution_id": "{getattr(event, "execution_id", "")}"}}')
-            sys.stdout.flush()
+            _acknowledge({"seq": event.seq, "execution_id": getattr(event, "execution_id", "")})
 
     def refuse(line: Refused) -> None:
         click.echo(printable(f"error: line {line.line}: {line.reason}"), err=True)
+        if ack:
+            _acknowledge({"line": line.line, "error": line.reason})
 
-    recorder = Recorder(path, run, resume=resume, fsync=fsync)
-    with recorder:
-        count, problems = record_lines(_Input(), recorder, accepted, refuse)
-        refused = len(problems)
+    with _Input() as lines:
+        result = record_stream(
+            lines,
+            path,
+            run=run,
+            resume=resume,
+            fsync=fsync,
+            on_event=accepted,
+            on_refusal=refuse,
+            outcome=lambda: "canceled" if lines.stopped else "succeeded",
+        )
+    n_refused = len(result.refused)
     if as_json:
-        print_json({"path": str(recorder.path), "run_id": recorder.run_id, "n_events": count, "n_refused": refused})
+        print_json(
+            {
+                "path": str(result.path),
+                "run_id": result.run_id,
+                "n_events": result.n_events,
+                "n_refused": n_refused,
+            }
+        )
     else:
-        click.echo(f"{recorder.path}: {count} events recorded, {refused} lines refused", err=True)
-    return EXIT_DATA_LOST if refused else EXIT_FINE
+        click.echo(f"{result.path}: {result.n_events} events recorded, {n_refused} lines refused", err=True)
+    return EXIT_DATA_LOST if n_refused else EXIT_FINE
+
+
+def _acknowledge(answer: dict[str, object]) -> None:
+    click.echo(json.dumps(answer))
+    sys.stdout.flush()

@@ -42,7 +42,8 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
         print_json({"recovered": [_as_dict(result) for result in done], "failures": failures})
     else:
         for result in done:
-            click.echo(f"{result.source} -> {result.path}: {result.n_messages} messages")
+            done_text = "closed already" if result.path == result.source else f"-> {result.path}"
+            click.echo(f"{result.source} {done_text}: {result.n_messages} messages")
     if sources and not done:
         return EXIT_FAILED
     return EXIT_DATA_LOST if failures or any(result.problems for result in done) else EXIT_FINE

@@ -2,10 +2,39 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import polars as pl
 
 from hrclog.diagnostic import Diagnostic
-from hrclog.events import COLUMNS, EVENT_CLASSES, FLOAT_COLUMNS, SCHEMA_VERSION
+from hrclog.errors import InvalidEventError
+from hrclog.event_rows import parse_details
+from hrclog.events import (
+    COLUMNS,
+    EVENT_CLASSES,
+    FLOAT_COLUMNS,
+    INT_COLUMNS,
+    LATEST_NS,
+    SCHEMA_VERSION,
+    TASK_KINDS,
+    Role,
+)
+
+_ROLES: Final = [role.value for role in Role]
+_RULES: Final[list[tuple[str, pl.Expr, str | float | None]]] = [
+    *(
+        (name, pl.col(name).is_between(-LATEST_NS, LATEST_NS) | pl.col(name).is_null(), None)
+        for name in INT_COLUMNS
+        if name != "time_ns"
+    ),
+    (
+        "speed_scale",
+        pl.col("speed_scale").is_between(0, 1) | ~pl.col("speed_scale").is_finite().fill_null(value=False),
+        None,
+    ),
+    ("role", pl.col("role").is_in([*_ROLES, ""]) | ~pl.col("kind").is_in(TASK_KINDS), Role.PRIMARY.value),
+]
+"""Column, which values it may have, and what stands for others; values that are not finite have a rule of their own."""
 
 
 def without_copies(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
@@ -26,10 +55,12 @@ def without_copies(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]
     ]
 
 
-def only_finite(events: pl.DataFrame) -> pl.DataFrame:
-    """Unset numbers that are infinite or NaN."""
-    return events.with_columns(
-        pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in FLOAT_COLUMNS
+def usable(events: pl.DataFrame) -> pl.DataFrame:
+    """Drop events without a possible instant, and unset values that `check_events` calls invalid or not finite."""
+    kept = events.filter(pl.col("time_ns").is_between(-LATEST_NS, LATEST_NS))
+    finite = [pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in FLOAT_COLUMNS]
+    return kept.with_columns(finite).with_columns(
+        pl.when(valid).then(pl.col(name)).otherwise(pl.lit(unset)).alias(name) for name, valid, unset in _RULES
     )
 
 
@@ -39,24 +70,37 @@ def check_events(events: pl.DataFrame) -> list[Diagnostic]:
     Args:
         events: an events frame in the order of time.
     """
-    return [*_sequence(events), *_unknown(events), *_newer(events), *_non_finite(events)]
+    return [
+        *_sequence(events),
+        *_conflicting_runs(events),
+        *_impossible_times(events),
+        *_unknown(events),
+        *_newer(events),
+        *_non_finite(events),
+        *_invalid_values(events),
+    ]
 
 
 def _sequence(events: pl.DataFrame) -> list[Diagnostic]:
     seq = pl.col("seq")
-    runs = events.group_by("run_id", maintain_order=True).agg(
-        pl.col("path").first(),
-        seq.min().alias("low"),
-        seq.max().alias("high"),
-        seq.n_unique().alias("distinct"),
-        (pl.len() - seq.n_unique()).alias("shared"),
-        (seq.diff() < 0).sum().alias("backwards"),
+    # agents that are recorded one after the other are no clock trouble
+    backwards = (seq.diff() < 0).over("run_id", "agent")
+    runs = (
+        events.with_columns(backwards.alias("backwards"))
+        .group_by("run_id", maintain_order=True)
+        .agg(
+            pl.col("path").first(),
+            seq.max().alias("high"),
+            seq.filter(seq >= 0).n_unique().alias("distinct"),
+            (pl.len() - seq.n_unique()).alias("shared"),
+            pl.col("backwards").sum(),
+        )
     )
     found: list[Diagnostic] = []
-    for run_id, path, low, high, distinct, shared, backwards in runs.iter_rows():
+    for run_id, path, high, distinct, shared, backwards in runs.iter_rows():
         missing = high + 1 - distinct
         texts = {
-            "events_missing": f"{missing} events between seq 0 and {high} are missing" if low >= 0 and missing else "",
+            "events_missing": f"{missing} events between seq 0 and {high} are missing" if missing > 0 else "",
             "conflicting_seq": f"{shared} events share the sequence number of another, different event"
             if shared
             else "",
@@ -64,6 +108,44 @@ def _sequence(events: pl.DataFrame) -> list[Diagnostic]:
         }
         found += [Diagnostic(code, text, path, run_id) for code, text in texts.items() if text]
     return found
+
+
+def _conflicting_runs(events: pl.DataFrame) -> list[Diagnostic]:
+    """Find ids that two different runs carry: a run starts once per segment."""
+    started = events.filter(pl.col("kind") == "run_started")
+    found: list[Diagnostic] = []
+    for (run_id,), part in started.group_by("run_id", maintain_order=True):
+        segments = [_segment(details) for details in part["details"]]
+        if len(set(segments)) < len(segments):
+            paths = ", ".join(part["path"].unique().sort())
+            text = f"{len(segments)} runs carry the id {run_id}: {paths}"
+            found.append(Diagnostic("conflicting_runs", text, part["path"][0], str(run_id)))
+    return found
+
+
+def _segment(details: str) -> int:
+    try:
+        number = parse_details(details).get("segment", 1)
+    except InvalidEventError:
+        return 1
+    return number if isinstance(number, int) else 1
+
+
+def _impossible_times(events: pl.DataFrame) -> list[Diagnostic]:
+    return [
+        Diagnostic("invalid_time", f"time_ns is {value} in {count} events, which were skipped", path, run_id, seq)
+        for path, run_id, value, seq, count in _first_of(
+            events, ~pl.col("time_ns").is_between(-LATEST_NS, LATEST_NS), "time_ns"
+        )
+    ]
+
+
+def _invalid_values(events: pl.DataFrame) -> list[Diagnostic]:
+    return [
+        Diagnostic("invalid_value", f"{name} is {value!r} in {count} events and counts as {unset!r}", path, run_id, seq)
+        for name, valid, unset in _RULES
+        for path, run_id, value, seq, count in _first_of(events, ~valid, name)
+    ]
 
 
 def _unknown(events: pl.DataFrame) -> list[Diagnostic]:

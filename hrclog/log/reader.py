@@ -17,7 +17,7 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.ids import derived_id
 from hrclog.log.bags import is_bag, read_bag
-from hrclog.log.checks import check_events, only_finite, without_copies
+from hrclog.log.checks import check_events, usable, without_copies
 from hrclog.log.contents import Contents
 from hrclog.log.decode import (
     EVENT_COLUMNS,
@@ -31,7 +31,7 @@ from hrclog.log.decode import (
 from hrclog.log.discover import find_logs
 from hrclog.log.files import exists
 from hrclog.log.indexed import read_contents
-from hrclog.log.journal import PARTIAL_SUFFIX
+from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
 from hrclog.log.message import EVENTS
 from hrclog.log.records import MAGIC
 from hrclog.log.signals import SIGNAL_COLUMNS
@@ -118,7 +118,9 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         diagnostics.append(Diagnostic(code, text, str(path), offset=offset))
 
     if not exists(path):
-        raise LogReadError(path, "nothing", "an event log", "check the path")
+        journal = journal_path(path)
+        remedy = f"its recorder was killed: hrclog recover {journal}" if exists(journal) else "check the path"
+        raise LogReadError(path, "nothing", "an event log", remedy)
     if is_bag(path):
         decoded = decode_topics(read_bag(path), complain, signals=signals)
     else:
@@ -149,6 +151,8 @@ def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
 
 
 def _read_mcap(path: Path, *, signals: bool) -> Contents:
+    if not path.is_file():
+        raise LogReadError(path, "something that is no regular file", "an event log")
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -160,7 +164,8 @@ def _read_mcap(path: Path, *, signals: bool) -> Contents:
     contents = read_contents(data, is_wanted if signals else is_event_channel)
     # a kill before or within the magic bytes leaves a prefix of them
     if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
-        raise LogReadError(path, f"a file that begins with {data[:8]!r}", "an MCAP log or a ROS bag")
+        remedy = "turn it into logs with `hrclog import`" if data[:1] in (b"[", b"{") else ""
+        raise LogReadError(path, f"a file that begins with {data[:8]!r}", "an MCAP log or a ROS bag", remedy)
     return contents
 
 
@@ -175,12 +180,17 @@ def _named_runs(events: pl.DataFrame, path: Path, complain: Complain) -> pl.Data
 
 
 def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
+    # the answer does not depend on the order of the arguments
+    parts = sorted(parts, key=lambda part: part.paths)
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
-    diagnostics += [Diagnostic("unreadable_file", str(failure), str(failure.path)) for failure in failures]
+    diagnostics += [
+        Diagnostic("unreadable_file", failure.reason, str(failure.path))
+        for failure in sorted(failures, key=lambda failure: failure.path)
+    ]
     events, copies = without_copies(pl.concat([part.events for part in parts]))
     events = events.select(EVENTS.names()).sort(ORDER, maintain_order=True)
     diagnostics += [*copies, *check_events(events)]
-    events = only_finite(events)
+    events = usable(events)
     samples = pl.concat([part.signals for part in parts])
     if len(parts) > 1:
         samples = samples.unique(maintain_order=True)

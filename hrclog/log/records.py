@@ -25,7 +25,7 @@ PREFIX: Final = struct.Struct("<BQ")
 """Opcode and content length, which begin every record."""
 
 _CHUNK: Final = struct.Struct("<QQQI")  # start time, end time, uncompressed size, CRC
-_MAX_CHUNK: Final = 1 << 31
+_MAX_CHUNK: Final = 1 << 28  # decompressed; more is no log but a bomb
 _LIKELY_CHUNK: Final = re.compile(rb"\x06[\x00-\xff]{4}\x00{4}", re.DOTALL)  # opcode, length below 4 GiB
 
 Record = tuple[int, int, int, int]

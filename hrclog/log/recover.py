@@ -38,9 +38,10 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
     """Write the finished log of a journal and remove the journal; a damaged log is kept beside its recovery.
 
     A journal beside a finished log of the same messages (killed between the two last steps of closing) is only removed.
+    A finished log without damage is left as it is.
 
     Raises:
-        LogReadError: the source is missing, no MCAP file, still being written, or holds no header.
+        LogReadError: the source is missing, no MCAP file, still being written, or holds nothing.
         LogExistsError: the target exists and holds something else.
         LogWriteError: the finished log cannot be written, or the journal not be removed.
     """
@@ -50,12 +51,18 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
         if contents.header is None and not contents.batches:
             found = f"a file of {len(data)} bytes without an MCAP header"
             raise LogReadError(source, found, "a journal with events", "0 events can be recovered; delete it")
+        is_journal = source.name.endswith(PARTIAL_SUFFIX)
+        n_messages = sum(len(batch.start) for batch in contents.batches)
+        if not is_journal and not contents.problems and contents.finished:
+            return Recovered(source, source, n_messages, [])
+        if not is_journal and not n_messages:
+            found = f"a damaged log of {len(data)} bytes without a readable message"
+            raise LogReadError(source, found, "at least one message", "nothing can be recovered from it")
         if exists(target):
             _check_same(target, source, contents)
         else:
             write_atomically(target, lambda writer: _copy(contents, writer))
         _put_away(source, damaged=bool(contents.problems))
-    n_messages = sum(len(batch.start) for batch in contents.batches)
     return Recovered(source, target, n_messages, contents.problems)
 
 

@@ -21,7 +21,7 @@ from hrclog.log.lanes import Lanes
 
 RUN_METADATA: Final = "hrclog.run"
 
-_CHUNK_SIZE: Final = 1 << 20
+_CHUNK_SIZE: Final = 1 << 16  # damage costs a chunk
 
 
 class FinishedWriter:

@@ -6,13 +6,14 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
 
+import hrclog
 from hrclog.cli import VERBS
 
 Run = Callable[..., Any]
@@ -49,8 +50,6 @@ def test_importing_hrclog_imports_nothing_heavy() -> None:
 
 
 def test_every_public_name_is_there() -> None:
-    import hrclog
-
     for name in hrclog.__all__:
         assert getattr(hrclog, name) is not None
     with pytest.raises(AttributeError, match="nothing_such"):
@@ -118,7 +117,9 @@ def test_record_takes_json_lines_and_reports_bad_ones(tmp_path: Path, run: Run) 
     assert done.returncode == 3
     assert "line 2" in done.stderr
     assert "line 3" in done.stderr
-    assert [json.loads(line)["seq"] for line in done.stdout.splitlines()] == [1, 2]
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [answer.get("seq", answer.get("line")) for answer in answers] == [1, 2, 3, 2]
+    assert ["error" in answer for answer in answers] == [False, True, True, False]
     runs = run("info", tmp_path / "run.mcap", "--json").json()["runs"]
     assert [(row["name"], row["n_executions"], row["n_failed"]) for row in runs] == [("by hand", 1, 1)]
 
@@ -147,6 +148,56 @@ def test_record_refuses_to_overwrite(run: Run, samples: Path, tmp_path: Path) ->
     result = run("record", tmp_path / "run.mcap")
     assert result.code == 1
     assert "not overwriting" in result.err
+
+
+def piped(path: Path, *lines: str | bytes, options: Sequence[str] = ()) -> subprocess.CompletedProcess[bytes]:
+    text = b"\n".join(line if isinstance(line, bytes) else line.encode() for line in lines)
+    command = [*HRCLOG, "record", str(path), *options]
+    return subprocess.run(command, input=text, capture_output=True, check=False)
+
+
+def test_runs_of_the_past_begin_and_end_with_their_lines(tmp_path: Path) -> None:
+    done = piped(
+        tmp_path / "past.mcap",
+        '\ufeff{"kind": "run_started", "time_ns": 1700000000000000000, "name": "past", "agents": ["H", "R"]}',
+        '{"kind": "task_started", "agent": "H", "task": "pick", "time_ns": 1700000001000000000}',
+        '{"kind": "task_started", "agent": "R", "task": "pick", "time_ns": 1700000002000000000}',
+        '{"kind": "task_ended", "agent": "R", "task": "pick", "time_ns": 1700000007000000000}',
+    )
+    assert done.returncode == 0, done.stderr
+    analysis = hrclog.analyze(tmp_path / "past.mcap")
+    assert analysis.runs.select("name", "makespan_s", "n_open").rows() == [("past", 6.0, 1)]
+    assert analysis.runs["agents"].to_list() == [["H", "R"]]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"kind": "task_started", "agent": "H", "task": "pick", "Outcome": "failed"}',
+        '{"kind": "task_started", "agent": "H", "task": "pick", "time_ns": -1}',
+        '{"kind": "task_started", "agent": "H", "task": "pick", "time_ns": 1e400}',
+        '{"kind": "task_started", "agent": "H", "task": "pick", "role": "aux"}',
+        '{"kind": "task_started", "agent": " ", "task": "pick"}',
+        '{"kind": "safety_state_changed", "agent": "H", "speed_scale": 50}',
+        '{"kind": "run_started", "name": "again"}',
+        '{"kind": "nonsense"}',
+        b'{"kind": "heartbeat", "agent": "\xff"}',
+    ],
+)
+def test_a_line_that_cannot_be_right_is_refused_and_the_rest_goes_on(line: str | bytes, tmp_path: Path) -> None:
+    good = '{"kind": "heartbeat", "agent": "H"}'
+    done = piped(tmp_path / "run.mcap", good, line, good, options=["--json"])
+    assert done.returncode == 3
+    assert b"line 2" in done.stderr
+    assert b"Traceback" not in done.stderr
+    document = json.loads(done.stdout)
+    assert (document["n_events"], document["n_refused"]) == (2, 1)
+
+
+def test_acknowledgements_are_json_whatever_the_ids_are(tmp_path: Path) -> None:
+    line = json.dumps({"kind": "task_started", "agent": "H", "task": "pick", "execution_id": 'a"b'})
+    done = piped(tmp_path / "run.mcap", line, options=["--ack"])
+    assert json.loads(done.stdout) == {"seq": 1, "execution_id": 'a"b'}
 
 
 def test_import_reports_gaps(run: Run, data_dir: Path, tmp_path: Path) -> None:

@@ -53,6 +53,26 @@ def test_the_random_part_of_ids_differs_between_runs_and_seeds() -> None:
     assert len({run_id[-12:] for run_id in ids}) == 4
 
 
+def ids_of(scenario: Scenario) -> set[str]:
+    """Return the ids of run 0 of seed 7: its own, of its executions and of their commands."""
+    run = simulate_run(scenario, 7, 0)
+    starts = [event for event in run.events if isinstance(event, TaskStarted)]
+    return {run.truth.run_id} | {own for start in starts for own in (start.execution_id, start.command_id)}
+
+
+def test_scenarios_do_not_share_an_id_at_the_same_seed_and_number() -> None:
+    changed = [
+        replace(PAPER, name="other"),
+        replace(PAPER, gaps=(*PAPER.gaps[:-1], Gap(PAPER.gaps[-1].agent, Lognormal(9.0, 0.1)))),
+    ]
+    ids = [ids_of(scenario) for scenario in (*map(load_scenario, scenario_names()), *changed)]
+    assert len(set[str]().union(*ids)) == sum(map(len, ids))
+
+
+def test_a_scenario_read_twice_gives_the_same_run() -> None:
+    assert simulate_run(load_scenario("paper"), 7, 0) == simulate_run(PAPER, 7, 0)
+
+
 def test_the_first_event_says_all_about_the_run() -> None:
     started = simulate_run(PAPER, 9, 2).events[0]
     assert isinstance(started, RunStarted)
