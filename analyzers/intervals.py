@@ -59,8 +59,8 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     Returns:
         A frame of schema `INTERVALS`, and one diagnostic per event that was skipped or not understood in full.
     """
-    task_events = events.filter(pl.col("kind").is_in(TASK_KINDS)).sort(ORDER, maintain_order=True)
-    task_events = task_events.with_row_index("order")
+    ordered = events.sort(ORDER, maintain_order=True)
+    task_events = ordered.filter(pl.col("kind").is_in(TASK_KINDS)).with_row_index("order")
     regular_keys = _regular(task_events)
     paired = _pair(task_events, regular_keys)
     irregular = task_events.join(regular_keys, on=_KEY, how="anti", maintain_order="left")
@@ -72,7 +72,7 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     )
     rows = pl.concat([paired, folded]).join(last, on="run_id", how="left")
     rows = _with_until(rows)
-    return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(events), *diagnostics]
+    return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(ordered), *diagnostics]
 
 
 def _with_until(rows: pl.DataFrame) -> pl.DataFrame:
@@ -180,13 +180,11 @@ def _event(row: dict[str, Any]) -> TaskFact:
     return event
 
 
-def _invalid_details(task_events: pl.DataFrame) -> list[Diagnostic]:
-    """Return a diagnostic per task event whose details are no JSON object."""
+def _invalid_details(events: pl.DataFrame) -> list[Diagnostic]:
+    """Return a diagnostic per event whose details are no JSON object."""
     text = pl.col("details")
     # polars sorts out nearly all of them, and refuses a few that Python takes
-    doubtful = task_events.filter(
-        (text != "") & ~(text.str.starts_with("{") & text.str.json_path_match("$").is_not_null())
-    )
+    doubtful = events.filter((text != "") & ~(text.str.starts_with("{") & text.str.json_path_match("$").is_not_null()))
     found: list[Diagnostic] = []
     for details, kind, path, run_id, seq in doubtful.select("details", "kind", "path", "run_id", "seq").iter_rows():
         try:

@@ -1,4 +1,4 @@
-"""The Rerun back end: recordings that open laid out. The one module that knows Rerun.
+"""The Rerun back end: recordings that open laid out. With `rerun_layout` and `rerun_recording` all that knows Rerun.
 
 Entities of a run are under /timeline (a lane per agent), /signals, /events, /tasks and /about, on the timeline
 `run_time` (since the run's first event); those of a campaign under /synergy, /coefficients, /overlap, /durations,
@@ -7,8 +7,7 @@ Entities of a run are under /timeline (a lane per agent), /signals, /events, /ta
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,39 +15,36 @@ import numpy as np
 import polars as pl
 import pyarrow as pa
 import rerun as rr
-import rerun.blueprint as rrb
-from rerun.blueprint import archetypes as rrba
-from rerun.blueprint import encodings as rrbe
 
 from hrclog.analyzers.figures.about import about_campaign, about_run
 from hrclog.analyzers.figures.boxplot_canvas import boxplot_canvas
 from hrclog.analyzers.figures.campaign import CampaignFigures
 from hrclog.analyzers.figures.canvas import Canvas, Dot, Rect, Stroke
 from hrclog.analyzers.figures.coefficients_canvas import coefficients_canvas
-from hrclog.analyzers.figures.gantt import Gantt, Lane, state_changes
+from hrclog.analyzers.figures.gantt import Lane, state_changes
 from hrclog.analyzers.figures.heatmap import Heatmap
-from hrclog.analyzers.figures.palette import CARD, Color
+from hrclog.analyzers.figures.palette import Color
 from hrclog.analyzers.figures.raster import draw_heatmap
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.series import Series
 from hrclog.analyzers.figures.table import DataTable, markdown
-from hrclog.analyzers.figures.text import UNNAMED, printable, shorten
-from hrclog.errors import OutputError
+from hrclog.analyzers.figures.text import printable, shorten
+from hrclog.analyzers.rerun_layout import MAX_MARKDOWN_ROWS, TIMELINE, campaign_blueprint, run_blueprint
+from hrclog.analyzers.rerun_recording import entity, freed_recordings, recording
 
 RUN_APPLICATION: Final = "hrclog"
 CAMPAIGN_APPLICATION: Final = "hrclog-campaign"
 """A blueprint belongs to an application: with one name the campaign's would be laid over every run opened beside it."""
-TIMELINE: Final = "run_time"
-MAX_MARKDOWN_ROWS: Final = 100
 
 
+@freed_recordings()
 def save_run(figures: RunFigures, path: Path | str) -> None:
     """Write the recording of one run.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    with _recording(RUN_APPLICATION, figures.run_id, figures.name, path, _run_blueprint(figures)) as rec:
+    with recording(RUN_APPLICATION, figures.run_id, figures.name, path, run_blueprint(figures)) as rec:
         rec.send_recording_start_time_nanos(figures.origin_ns)
         rec.send_property("run", _properties(figures.facts))
         for lane in figures.gantt.lanes:
@@ -62,6 +58,7 @@ def save_run(figures: RunFigures, path: Path | str) -> None:
         _send_text(rec, "/about", about_run(figures))
 
 
+@freed_recordings()
 def save_campaign(figures: CampaignFigures, path: Path | str) -> None:
     """Write the recording of a campaign.
 
@@ -69,8 +66,8 @@ def save_campaign(figures: CampaignFigures, path: Path | str) -> None:
         OutputError: the file cannot be written.
     """
     pictures = _pictures(figures)
-    blueprint = _campaign_blueprint(figures, pictures)
-    with _recording(CAMPAIGN_APPLICATION, figures.campaign_id, figures.name, path, blueprint) as rec:
+    blueprint = campaign_blueprint(figures, pictures)
+    with recording(CAMPAIGN_APPLICATION, figures.campaign_id, figures.name, path, blueprint) as rec:
         rec.send_property("campaign", _properties(figures.facts))
         for entity, canvas in pictures.items():
             _send_canvas(rec, f"{entity}/picture", canvas)
@@ -87,7 +84,7 @@ def _pictures(figures: CampaignFigures) -> dict[str, Canvas]:
         _pair_path(kind, one.agents): Canvas(_while(one.agents), draw_heatmap(one)) for kind, one in _heatmaps(figures)
     }
     coefficients = {_pair_path("coefficients", one.agents): coefficients_canvas(one) for one in figures.coefficients}
-    durations = {_entity("durations", one.agent or "all"): boxplot_canvas(one) for one in figures.durations}
+    durations = {entity("durations", one.agent or "all"): boxplot_canvas(one) for one in figures.durations}
     return heatmaps | coefficients | durations
 
 
@@ -95,38 +92,15 @@ def _while(agents: tuple[str, str]) -> str:
     return f"{shorten(agents[0], 28)} while {shorten(agents[1], 28)} works"
 
 
-@contextmanager
-def _recording(
-    application: str, recording_id: str, name: str, path: Path | str, blueprint: rrb.Blueprint
-) -> Iterator[rr.RecordingStream]:
-    # automatic properties hold the time of rendering: two renderings of one log would differ
-    rec = rr.RecordingStream(application, recording_id=recording_id, send_properties=False)
-    try:
-        rec.save(path, default_blueprint=blueprint)
-    except (OSError, RuntimeError) as error:
-        raise OutputError(path, f"the recording cannot be written ({error})") from error
-    try:
-        rec.send_recording_name(name)
-        yield rec
-    finally:
-        rec.disconnect()
-
-
 # entities
 
 
-def _entity(*parts: str) -> str:
-    # Rerun 0.41 reads an escaped backslash before the next "/" as an escaped slash, and would join two parts
-    whole = [part + "_" if part.endswith("\\") else part or UNNAMED for part in parts]
-    return rr.new_entity_path(whole)
-
-
 def _lane_path(lane: Lane) -> str:
-    return _entity("timeline", lane.agent, f"{lane.kind}_{lane.number + 1}" if lane.number else lane.kind)
+    return entity("timeline", lane.agent, f"{lane.kind}_{lane.number + 1}" if lane.number else lane.kind)
 
 
 def _pair_path(kind: str, agents: tuple[str, str]) -> str:
-    return _entity(*kind.split("/"), *agents)
+    return entity(*kind.split("/"), *agents)
 
 
 def _heatmaps(figures: CampaignFigures) -> list[tuple[str, Heatmap]]:
@@ -152,7 +126,7 @@ def _send_lane(rec: rr.RecordingStream, lane: Lane) -> None:
 
 
 def _send_series(rec: rr.RecordingStream, series: Series) -> None:
-    path = _entity("signals", series.group, series.name)
+    path = entity("signals", series.group, series.name)
     mode = rr.components.InterpolationMode.StepAfter if series.step else rr.components.InterpolationMode.Linear
     style = rr.SeriesLines(names=[shorten(series.name, 60)], interpolation_mode=mode)
     rec.log(path, style, static=True, strict=True)
@@ -221,114 +195,3 @@ def _looks(shapes: Sequence[Rect] | Sequence[Stroke] | Sequence[Dot]) -> dict[st
     """Return colours and labels of shapes; the labels show when a shape is pointed at."""
     labels = [printable(shape.label) for shape in shapes]
     return {"colors": _rgba(shape.color for shape in shapes), "labels": labels, "show_labels": False}
-
-
-# blueprints
-
-
-def _run_blueprint(figures: RunFigures) -> rrb.Blueprint:
-    about = rrb.TextDocumentView(origin="/about", name="About this run")
-    if not figures.tasks.frame.height and not figures.events.texts:
-        return _blueprint(rrb.Tabs(about), rrb.TimePanel(state="hidden"))
-    groups = {series.group: series.step for series in figures.series}
-    lines: list[rrb.View | rrb.Container] = [_series_view(figures.gantt, *group) for group in groups.items()]
-    if len(lines) > _SERIES_ROWS:
-        lines[_SERIES_ROWS - 1 :] = [rrb.Tabs(*lines[_SERIES_ROWS - 1 :])]
-    below = rrb.Horizontal(rrb.Tabs(_events_view(), about), rrb.Tabs(*_task_views(figures.tasks)))
-    timeline = rrb.StateTimelineView(origin="/timeline", name="Timeline", time_view=_time_axis(figures.gantt))
-    heights = [_timeline_height(figures.gantt), *[_SERIES_HEIGHT] * len(lines), _BELOW_HEIGHT]
-    panel = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
-    return _blueprint(rrb.Vertical(timeline, *lines, below, row_shares=heights), panel)
-
-
-_SERIES_ROWS: Final = 2
-# shares of the window's height, thought of as px in a window of about 1000
-_SERIES_HEIGHT: Final = 130
-_BELOW_HEIGHT: Final = 270
-
-
-def _timeline_height(gantt: Gantt) -> int:
-    return min(max(45 + 40 * len(gantt.lanes), 130), 600)
-
-
-def _series_view(gantt: Gantt, group: str, step: bool) -> rrb.View:  # noqa: FBT001 - the items of a mapping
-    corner = rrb.Corner2D.RightBottom if step else rrb.Corner2D.LeftTop
-    return rrb.TimeSeriesView(
-        origin=_entity("signals", group),
-        name=shorten(group, 40).capitalize(),
-        axis_x=_time_axis(gantt),
-        axis_y=rrba.ScalarAxis(range=(-0.05, 1.05)) if step else None,
-        plot_legend=rrb.PlotLegend(corner=corner),
-    )
-
-
-def _events_view() -> rrb.View:
-    columns = rrba.TextLogColumns(
-        timeline_columns=[rrbe.TimelineColumn(timeline=TIMELINE)],
-        text_log_columns=[rrbe.TextLogColumn(kind) for kind in ("LogLevel", "Body")],
-    )
-    return rrb.TextLogView(origin="/events", name="Events", columns=columns)
-
-
-def _task_views(table: DataTable) -> list[rrb.View]:
-    query = rrba.DataframeQuery(timeline=TIMELINE)
-    rows = rrb.DataframeView(origin="/tasks/rows", name="Data frame", query=query)
-    text = rrb.TextDocumentView(origin="/tasks/text", name=table.title)
-    if not table.frame.height:
-        return [text]
-    return [text, rows] if table.frame.height <= MAX_MARKDOWN_ROWS else [rows]
-
-
-def _time_axis(gantt: Gantt) -> rrba.TimeAxis:
-    margin = max((gantt.end_ns - gantt.start_ns) // 100, 1)
-    bound = rr.TimeRangeBoundary.absolute
-    # a linked axis would ignore the range and open at +-30 s
-    return rrba.TimeAxis(
-        view_range=rr.TimeRange(start=bound(seq=gantt.start_ns - margin), end=bound(seq=gantt.end_ns + margin))
-    )
-
-
-def _campaign_blueprint(figures: CampaignFigures, pictures: dict[str, Canvas]) -> rrb.Blueprint:
-    pages = [
-        _page(name, [(path, pictures[path]) for path in pictures if path.startswith(root)]) for name, root in _PAGES
-    ]
-    tables = rrb.Tabs(*[_table_view(table) for table in figures.tables], name="Tables")
-    about = rrb.TextDocumentView(origin="/about", name="About")
-    drawn = [page for page in pages if page is not None]
-    return _blueprint(rrb.Tabs(*drawn, tables, about, active_tab=0), rrb.TimePanel(state="hidden"))
-
-
-_PAGES: Final = (
-    ("Synergy", "/synergy/"),
-    ("Coefficients", "/coefficients/"),
-    ("Overlap, seconds", "/overlap/seconds/"),
-    ("Overlap, share", "/overlap/ratio/"),
-    ("Durations", "/durations/"),
-)
-
-
-def _page(name: str, pictures: Sequence[tuple[str, Canvas]]) -> rrb.Container | None:
-    views = [_picture_view(path, canvas) for path, canvas in pictures]
-    if not views:
-        return None
-    return rrb.Horizontal(*views, name=name) if len(views) <= 2 else rrb.Tabs(*views, name=name)
-
-
-def _picture_view(path: str, canvas: Canvas) -> rrb.View:
-    height, width = canvas.backdrop.shape[:2]
-    bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
-    return rrb.Spatial2DView(
-        origin=f"{path}/picture", name=shorten(canvas.name, 60), background=CARD, visual_bounds=bounds
-    )
-
-
-def _table_view(table: DataTable) -> rrb.View:
-    if table.frame.height <= MAX_MARKDOWN_ROWS:
-        return rrb.TextDocumentView(origin=f"/tables/{table.name}/text", name=table.title)
-    query = rrba.DataframeQuery(timeline="row")
-    return rrb.DataframeView(origin=f"/tables/{table.name}/rows", name=table.title, query=query)
-
-
-def _blueprint(root: rrb.Container, panel: rrb.TimePanel) -> rrb.Blueprint:
-    sides = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    return rrb.Blueprint(root, *sides, panel, auto_views=False, auto_layout=False)

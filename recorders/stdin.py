@@ -21,9 +21,6 @@ from hrclog.recorders.task_handle import instant
 _RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed")
 _BYTE_ORDER_MARK: Final = "\ufeff"
 
-Line = tuple[int, str]
-"""(number, text) of a line that is not empty."""
-
 
 @dataclass(frozen=True, slots=True)
 class Refused:
@@ -75,21 +72,24 @@ def record_stream(
     """
     if not resume:
         first_segment(log_path(path))  # say so before waiting for input
-    numbered = _numbered(lines)
-    first = next(numbered, None)
-    opening, rest = _opening(first, numbered)
+    rest = iter(lines)
+    head = list(_until_text(rest))
+    opening, consumed = _opening(head[-1]) if head else ({}, 0)
     facts = {"run": run or opening.pop("name", ""), **opening}
     with Recorder(path, resume=resume, fsync=fsync, **facts) as recorder:
-        n_events, refused, last_ns = record_lines(rest, recorder, on_event, on_refusal)
+        remaining = chain(head[len(head) - 1 + consumed :], rest)
+        first_number = max(len(head), 1) + consumed
+        n_events, refused, last_ns = record_lines(remaining, recorder, on_event, on_refusal, first_number)
         recorder.close(outcome(), time_ns=last_ns)
     return Recorded(recorder.path, recorder.run_id, n_events, refused)
 
 
 def record_lines(
-    lines: Iterable[Line],
+    lines: Iterable[str],
     recorder: Recorder,
     on_event: Callable[[Event], None] = lambda _: None,
     on_refusal: Callable[[Refused], None] = lambda _: None,
+    first_number: int = 1,
 ) -> tuple[int, list[Refused], int | None]:
     """Record one event per line: a JSON object with the fields of `TaskEvent`.
 
@@ -98,10 +98,11 @@ def record_lines(
     agent and task. Unknown fields are refused; further facts belong into `details`.
 
     Args:
-        lines: numbered text lines.
+        lines: text lines; empty ones are passed over.
         recorder: takes the events.
         on_event: called after each event has been written.
         on_refusal: called for each line that is not recorded, at once.
+        first_number: of the first of these lines.
 
     Returns:
         How many events were recorded, the lines that were refused, and the instant of the last event if its line
@@ -110,7 +111,9 @@ def record_lines(
     count = 0
     last_ns: int | None = None
     refused: list[Refused] = []
-    for number, line in lines:
+    for number, line in enumerate(lines, first_number):
+        if not line.strip():
+            continue
         try:
             value = parse_object(line)
             recorded = recorder.record(_event(value, recorder))
@@ -124,28 +127,28 @@ def record_lines(
     return count, refused, last_ns
 
 
-def _numbered(lines: Iterable[str]) -> Iterator[Line]:
-    for number, line in enumerate(lines, 1):
-        text = line.removeprefix(_BYTE_ORDER_MARK) if number == 1 else line
+def _until_text(lines: Iterator[str]) -> Iterator[str]:
+    """Yield lines up to the first that is not empty, without a byte order mark."""
+    for number, line in enumerate(lines):
+        text = line.removeprefix(_BYTE_ORDER_MARK) if not number else line
+        yield text
         if text.strip():
-            yield number, text
+            return
 
 
-def _opening(first: Line | None, rest: Iterator[Line]) -> tuple[dict[str, Any], Iterator[Line]]:
-    """Return what the first line says of the run, and the lines that are still to be recorded."""
-    if first is None:
-        return {}, rest
+def _opening(line: str) -> tuple[dict[str, Any], int]:
+    """Return what the first line says of the run, and 1 if that is all it says, else 0."""
     try:
-        value = parse_object(first[1])
+        value = parse_object(line)
         row = row_from_object(value)
         details = parse_details(row["details"])
     except InvalidEventError:
-        return {}, chain([first], rest)
+        return {}, 0
     began = {} if row["time_ns"] is None else {"time_ns": row["time_ns"]}
     if row["kind"] != RunStarted.kind:
-        return began, chain([first], rest)
+        return began, 0
     facts = {name: value.get(name, details.get(name)) for name in _RUN_FACTS}
-    return began | {name: fact for name, fact in facts.items() if fact is not None}, rest
+    return began | {name: fact for name, fact in facts.items() if fact is not None}, 1
 
 
 def _event(value: dict[str, Any], recorder: Recorder) -> Event:

@@ -121,7 +121,7 @@ def test_empty_details_are_an_empty_object() -> None:
         (SafetyStateChanged(time_ns=1, speed_scale=-0.1), "speed_scale is -0.1"),
         (SafetyStateChanged(time_ns=1, speed_scale=float("nan")), "speed_scale is nan"),
         (SafetyStateChanged(time_ns=1, speed_scale=float("inf")), "speed_scale is inf"),
-        (Heartbeat(time_ns=None), "time_ns is not set"),  # type: ignore[arg-type]
+        (Heartbeat(time_ns=None), "time_ns is None"),  # type: ignore[arg-type]
     ],
 )
 def test_what_the_vocabulary_forbids_is_named(event: Event, message: str) -> None:

@@ -40,6 +40,8 @@ class _StreamedReader:
             except ValueError as error:
                 walk.distrust(record, str(error))
         self._flush(self._data, self._loose)
+        if contents.finished and not problems and not self._data.endswith(MAGIC):
+            problems.append(Problem("truncated", len(self._data), "the file ends before its closing magic bytes"))
         if contents.header is None and not problems:
             problems.append(Problem("no_header", len(self._data), "the file ends before its header: 0 events"))
         return contents

@@ -46,16 +46,27 @@ def folded(events: pl.DataFrame) -> tuple[Facts, list[tuple[str, str, int]]]:
         if code in (None, "invalid_outcome"):
             states[key] = state
             accepted.setdefault(key, []).append(row)
+    starts: dict[tuple[str, str, str], list[int]] = {}
+    for key, rows in accepted.items():
+        starts.setdefault(_lane(key, rows), []).extend(row["time_ns"] for row in rows if row["kind"] == "task_started")
     return {
-        key: _expected(states[key], accepted[key], events) for key in states if states[key].start_ns is not None
+        key: _expected(states[key], rows, events, starts[_lane(key, rows)])
+        for key, rows in accepted.items()
+        if states[key].start_ns is not None
     }, found
 
 
-def _expected(state: ExecutionState, accepted: list[Row], events: pl.DataFrame) -> dict[str, Any]:
+def _lane(key: tuple[str, str], rows: list[Row]) -> tuple[str, str, str]:
+    start = next((row for row in rows if row["kind"] == "task_started"), rows[0])
+    return key[0], start["agent"], start["parent_execution_id"]
+
+
+def _expected(state: ExecutionState, accepted: list[Row], events: pl.DataFrame, starts: list[int]) -> dict[str, Any]:
     by_kind = {row["kind"]: row for row in accepted}
     start, plan = by_kind["task_started"], by_kind.get("task_dispatched", {})
     end = by_kind.get("task_ended", {})
     last = max(row["time_ns"] for row in events.to_dicts() if row["run_id"] == start["run_id"])
+    following = [other for other in starts if other > state.start_ns]  # of the same agent
     kept = ("agent", "task", "task_type", "role", "parent_execution_id", "attempt", "path")
     ends = {name: end.get(name) for name in ("planned_duration_s", "planning_time_s", "path_length")}
     plans = {
@@ -70,7 +81,7 @@ def _expected(state: ExecutionState, accepted: list[Row], events: pl.DataFrame) 
             "item_id": start["item_id"] or plan.get("item_id", ""),
             "start_ns": state.start_ns,
             "end_ns": state.end_ns,
-            "until_ns": last if state.end_ns is None else state.end_ns,
+            "until_ns": min([last, *following]) if state.end_ns is None else state.end_ns,
             "outcome": state.outcome or "unknown",
             "reason": end.get("reason", ""),
             "target": end.get("target", ""),
@@ -154,6 +165,17 @@ def test_every_code_that_the_state_machine_gives_is_explained() -> None:
 def test_an_outcome_outside_the_vocabulary_still_ends_the_execution() -> None:
     found, _ = rebuild(frame([event("task_started", 1), event("task_ended", 4, outcome="exploded")]))
     assert found.select("end_ns", "outcome").rows() == [(4, "unknown")]
+
+
+def test_an_open_execution_lasts_at_most_until_its_agent_starts_the_next() -> None:
+    rows = [
+        event("task_started", 10),
+        event("task_started", 30, execution_id="e2"),
+        event("task_started", 30, execution_id="e3"),
+        event("heartbeat", 70),
+    ]
+    found = intervals(frame(rows)).sort("execution_id")
+    assert found["until_ns"].to_list() == [30, 70, 70]
 
 
 def test_an_open_execution_lasts_until_the_last_instant_of_its_run() -> None:

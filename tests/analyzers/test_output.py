@@ -15,7 +15,9 @@ NAME_MAX = 255
 """Bytes of a file's name that Linux, macOS and Windows take."""
 
 IDS = st.sampled_from(["1", "2", "3", "4"]) | st.text(st.sampled_from("ab/"), min_size=40, max_size=42)
-NAMES = st.sampled_from(["a", "A", "a-1", "a/1", "", "..", "\uac00", "\u1100\u1161", "計" * 100, "計" * 101]) | st.text()
+NAMES = (
+    st.sampled_from(["a", "A", "a-1", "a/1", "", "..", "\uac00", "\u1100\u1161", "計" * 100, "計" * 101]) | st.text()
+)
 
 
 def names_of(*runs: tuple[str, str]) -> dict[str, str]:
@@ -41,9 +43,7 @@ def test_a_long_name_is_cut_to_bytes_and_at_a_character() -> None:
 def test_a_name_that_another_would_get_for_its_id_is_not_given_twice() -> None:
     assert_apart(names_of(("1", "a"), ("2", "a"), ("3", "a-1")))
     taken = names_of(("1", "a"), ("2", "a"))["1"].removesuffix(".rrd")
-    names = names_of(("1", "a"), ("2", "a"), ("3", taken), ("4", taken.upper()))
-    assert_apart(names)
-    assert len(names) == 4
+    assert_apart(names_of(("1", "a"), ("2", "a"), ("3", taken.upper())))
 
 
 def test_ids_that_begin_alike_are_told_apart() -> None:

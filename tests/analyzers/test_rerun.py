@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -16,10 +17,11 @@ from hrclog.analyzers.rerun import save_campaign, save_run
 from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES, empty
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import OutputError
-from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS
+from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, LATEST_NS
 
 S = 1_000_000_000
 ORIGIN = 1_700_000_000 * S
+LATEST = LATEST_NS // S * S
 INTS = {*INT_COLUMNS, "schema_version", "attempt", "seq"}
 EVENTS = pl.Schema(
     {name: pl.Float64 if name in FLOAT_COLUMNS else pl.Int64 if name in INTS else pl.String for name in COLUMNS}
@@ -243,7 +245,56 @@ def test_a_folder_that_is_not_there_is_one_clear_error(run_pictures: RunFigures,
         save_run(run_pictures, tmp_path / "nowhere" / "run.rrd")
 
 
-def test_only_one_module_knows_rerun() -> None:
+def test_a_folder_that_is_not_there_is_said_by_us_alone(
+    run_pictures: RunFigures, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(OutputError):
+        save_run(run_pictures, tmp_path / "nowhere" / "run.rrd")
+    gc.collect()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits the size of files as POSIX does")
+def test_a_disk_that_fills_up_in_the_middle_is_an_error(tmp_path: Path) -> None:
+    log = Path(__file__).parents[2] / "sample_logs" / "single.mcap"
+    code = (
+        "import resource, sys; from hrclog.analyzers.analysis import analyze; result = analyze(sys.argv[1]);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (8000, 8000)); result.to_rerun(sys.argv[2])"
+    )
+    command = [sys.executable, "-c", code, str(log), str(tmp_path / "all.rrd")]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert "OutputError" in done.stderr
+    assert "all.rrd: the recording cannot be written" in done.stderr
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts threads as Linux does")
+def test_many_recordings_leave_no_threads_behind(run_pictures: RunFigures, tmp_path: Path) -> None:
+    campaign = campaign_of(("H", "R"), ("pick",))
+    save_run(run_pictures, tmp_path / "first.rrd")
+    before = len(list(Path("/proc/self/task").iterdir()))
+    for number in range(10):
+        save_run(run_pictures, tmp_path / f"{number}.rrd")
+        save_campaign(campaign, tmp_path / f"{number}_campaign.rrd")
+    assert len(list(Path("/proc/self/task").iterdir())) <= before + 3
+
+
+@pytest.mark.parametrize("origin", [-LATEST, 0])
+def test_the_longest_times_that_a_log_may_hold_are_drawn(origin: int, tmp_path: Path) -> None:
+    times = {"start_ns": origin, "end_ns": LATEST, "until_ns": LATEST}
+    planned = {"planned_start_ns": -LATEST, "planned_end_ns": LATEST}
+    rows = [execution(agent, "pick", 0, 1) | times | planned for agent in ("H", "R")]
+    rows.append(execution("H", "place", 0, 1) | times | {"paused_ns": LATEST - origin})
+    log = [event("task_started", 0, agent="H") | {"time_ns": at} for at in (origin, LATEST)]
+    log.append(event("safety_state_changed", 0, agent="R", speed_scale=0.5) | {"time_ns": origin})
+    signals = pl.DataFrame([("run-1", "gap", at, 1.0) for at in (origin, LATEST)], SIGNALS, orient="row")
+    save_run(run_of(rows, log, signals), tmp_path / "run.rrd")
+    assert rerun("verify", tmp_path / "run.rrd") == 0
+    bars = columns(tmp_path / "run.rrd", "/timeline/H/done")["run_time"]
+    assert [time.total_seconds() * S for time in bars] == [0, LATEST - origin]
+
+
+def test_only_three_modules_know_rerun() -> None:
     rooms = [Path(__file__).parents[2] / room for room in ("analyzers", "recorders", "sim", "hrclog")]
     knowing = {
         path.name
@@ -252,4 +303,4 @@ def test_only_one_module_knows_rerun() -> None:
         for line in path.read_text(encoding="utf-8").splitlines()
         if line.lstrip().startswith(("import rerun", "from rerun"))
     }
-    assert knowing == {"rerun.py"}
+    assert knowing == {"rerun.py", "rerun_layout.py", "rerun_recording.py"}

@@ -70,6 +70,7 @@ def execute(command: list[str], folder: Path) -> subprocess.CompletedProcess[str
     return subprocess.run(command, cwd=folder, env=environment(), check=False, **streams)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_console_example_runs_and_prints_what_the_page_shows(page: Path, workplace: Path) -> None:
     folder = workplace / "sample_logs" if page.parent.name == "sample_logs" else workplace

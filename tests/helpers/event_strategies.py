@@ -7,17 +7,18 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from hrclog.events import EVENT_CLASSES, TASK_KINDS, Cause, Event, Outcome, Role
+from hrclog.events import EVENT_CLASSES, LATEST_NS, TASK_KINDS, Cause, Event, Outcome, Role
 
 INT64 = st.integers(-(2**63) + 1, 2**63 - 1)  # the least one means unset
-NAMES = st.text(min_size=1, max_size=8)
+INSTANTS = st.integers(-LATEST_NS, LATEST_NS)
+NAMES = st.text(min_size=1, max_size=8).filter(str.strip)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=5,
 )
 FIELDS: dict[str, st.SearchStrategy[Any]] = {
-    "time_ns": INT64,
+    "time_ns": st.integers(0, LATEST_NS),
     "seq": st.integers(0, 2**63 - 1),
     "attempt": st.integers(0, 2**32 - 1),
     "segment": st.integers(1),
@@ -28,7 +29,7 @@ FIELDS: dict[str, st.SearchStrategy[Any]] = {
     "outcome": st.sampled_from(list(Outcome)).map(str),
     "cause": st.sampled_from(list(Cause)).map(str),
     "role": st.sampled_from(list(Role)).map(str),
-    "speed_scale": st.none() | st.floats(0.0, 1e308),
+    "speed_scale": st.none() | st.floats(0.0, 1.0),
     "agents": st.lists(st.text(max_size=5), max_size=3).map(tuple),
     "plan": JSON,
     "task_properties": JSON,
@@ -49,7 +50,7 @@ def _field(name: str, kind: str) -> st.SearchStrategy[Any]:
     if name in FIELDS:
         return FIELDS[name]
     if "int" in kind:
-        return st.none() | INT64
+        return st.none() | (INSTANTS if name.endswith("_ns") else INT64)
     return st.none() | st.floats(allow_nan=False) if "float" in kind else st.text(max_size=20)
 
 

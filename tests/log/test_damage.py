@@ -203,7 +203,7 @@ def test_bytes_that_are_missing_in_a_finished_log_cost_no_chunk_but_those_they_b
 @many
 @given(st.floats(0, 1), st.binary(min_size=1, max_size=300))
 def test_bytes_that_are_overwritten_cost_no_event_but_those_they_hit(journal: File, where: float, junk: bytes) -> None:
-    begin = int(where * (len(journal.data) - len(junk)))
+    begin = 16 + int(where * (len(journal.data) - len(junk) - 16))  # the first bytes tell the kind of file
     damaged = journal.data[:begin] + junk + journal.data[begin + len(junk) :]
     _check(journal, damaged, _hurt(journal, begin, begin + len(junk)))
 
@@ -255,3 +255,13 @@ def test_any_bytes_are_read_or_refused_as_no_log(tmp_path: Path, junk: bytes, ma
         assert not magic
         return
     assert loses_data(logs.diagnostics)
+
+
+def test_an_index_that_leads_to_one_message_twice_is_not_believed(finished: File) -> None:
+    damaged = bytearray(finished.data)
+    index = next(
+        record for record in Walk(finished.data, []) if record[0] == Opcode.MESSAGE_INDEX and record[3] - record[2] > 40
+    )
+    first, second = index[2] + 14, index[2] + 30  # the offsets of the first two entries
+    damaged[second : second + 8] = damaged[first : first + 8]
+    _check(finished, bytes(damaged), set())

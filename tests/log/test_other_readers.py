@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sqlite3
 import struct
 import subprocess
 import sys
 from collections import Counter
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Literal
 
@@ -151,6 +153,22 @@ def test_a_ros_2_bag_of_our_channel_gives_equal_events(
     assert logs.diagnostics == []
     assert logs.events.drop("path", "log_time_ns").equals(frame.drop("path", "log_time_ns"))
     assert read_logs(tmp_path).events.equals(logs.events)
+
+
+def test_a_ros_2_bag_without_definitions_is_taken_to_hold_our_layout(
+    log: Path, frame: pl.DataFrame, tmp_path: Path, store: Typestore
+) -> None:
+    bag = tmp_path / "bag"
+    with Writer2(bag, version=9) as writer:
+        connection = writer.add_connection("/hrc/events", TYPE_NAME, typestore=store)
+        for log_time, data in _event_messages(log):
+            writer.write(connection, log_time, data)
+    with closing(sqlite3.connect(bag / "bag.db3")) as database:
+        database.execute("delete from message_definitions")
+        database.commit()
+    logs = read_logs(bag)
+    assert logs.diagnostics == []
+    assert logs.events.drop("path", "log_time_ns").equals(frame.drop("path", "log_time_ns"))
 
 
 def test_a_ros_2_bag_gives_signals_and_ignores_other_topics(log: Path, tmp_path: Path, store: Typestore) -> None:

@@ -23,7 +23,7 @@ def record(path: Path, lines: list[str]) -> tuple[list[dict[str, Any]], list[Ref
     """Record lines; return the rows between the recorder's own first and last event, and what was refused."""
     seen: list[Event] = []
     with Recorder(path) as recorder:
-        count, refused = record_lines(lines, recorder, seen.append)
+        count, refused, _ = record_lines(lines, recorder, seen.append)
     assert count == len(seen)
     events = read_logs(path).events.sort("seq")
     assert events["seq"].to_list() == list(range(events.height))
@@ -109,7 +109,7 @@ BAD = [
     (line(kind="task_ended", agent="robot", task="pick", execution_id="e"), "end_without_start"),
     (line(kind="run_ended", outcome="ok"), "outcome is 'ok', expected one of succeeded"),
     (line(kind="task_teleported"), "kind is 'task_teleported', expected one of the vocabulary"),
-    (line(kind="run_started"), "which the recorder writes itself"),
+    (line(kind="run_started"), "after the run began"),
     (line(kind="safety_state_changed", speed_scale=-1), "speed_scale is -1"),
 ]
 
@@ -127,7 +127,7 @@ def test_a_line_that_cannot_be_recorded_is_refused_with_its_number_and_the_other
 def test_nothing_follows_the_end_of_a_run(path: Path) -> None:
     with Recorder(path) as recorder:
         lines = [line(kind="run_ended", outcome="canceled"), line(kind="heartbeat")]
-        count, refused = record_lines(lines, recorder)
+        count, refused, _ = record_lines(lines, recorder)
     assert (count, [entry.line for entry in refused]) == (1, [2])
     assert read_logs(path).events["outcome"].to_list() == ["", "canceled"]
 
@@ -142,7 +142,7 @@ def test_any_events_come_through_as_they_are_unless_the_state_machine_refuses_th
     lines = [json.dumps({k: v for k, v in to_row(event).items() if v is not None}) for event in events]
     with Recorder(path) as recorder:
         recorded: list[Event] = []
-        _, refused = record_lines(lines, recorder, recorded.append)
+        _, refused, _ = record_lines(lines, recorder, recorded.append)
     kept = [event for number, event in enumerate(events, 1) if number not in {entry.line for entry in refused}]
     ignored = {"run_id": "", "seq": 0}
     assert [to_row(event) | ignored for event in recorded] == [to_row(event) | ignored for event in kept]
@@ -157,5 +157,5 @@ def test_any_text_is_recorded_or_refused(tmp_path: Path, lines: list[str]) -> No
     path = tmp_path / "run.mcap"
     path.unlink(missing_ok=True)
     with Recorder(path) as recorder:
-        count, refused = record_lines(lines, recorder)
+        count, refused, _ = record_lines(lines, recorder)
     assert count + len(refused) == sum(bool(text.strip()) for text in lines)

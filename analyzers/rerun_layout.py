@@ -1,0 +1,133 @@
+"""How recordings open: the views of a run and of a campaign, where they look and how large they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint import archetypes as rrba
+from rerun.blueprint import encodings as rrbe
+
+from hrclog.analyzers.figures.campaign import CampaignFigures
+from hrclog.analyzers.figures.canvas import Canvas
+from hrclog.analyzers.figures.gantt import Gantt
+from hrclog.analyzers.figures.palette import CARD
+from hrclog.analyzers.figures.run import RunFigures
+from hrclog.analyzers.figures.table import DataTable
+from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.rerun_recording import entity
+
+TIMELINE: Final = "run_time"
+MAX_MARKDOWN_ROWS: Final = 100
+
+
+def run_blueprint(figures: RunFigures) -> rrb.Blueprint:
+    """Return the layout of a run's recording."""
+    about = rrb.TextDocumentView(origin="/about", name="About this run")
+    if not figures.tasks.frame.height and not figures.events.texts:
+        return _blueprint(rrb.Tabs(about), rrb.TimePanel(state="hidden"))
+    groups = {series.group: series.step for series in figures.series}
+    lines: list[rrb.View | rrb.Container] = [_series_view(figures.gantt, *group) for group in groups.items()]
+    if len(lines) > _SERIES_ROWS:
+        lines[_SERIES_ROWS - 1 :] = [rrb.Tabs(*lines[_SERIES_ROWS - 1 :])]
+    below = rrb.Horizontal(rrb.Tabs(_events_view(), about), rrb.Tabs(*_task_views(figures.tasks)))
+    timeline = rrb.StateTimelineView(origin="/timeline", name="Timeline", time_view=_time_axis(figures.gantt))
+    heights = [_timeline_height(figures.gantt), *[_SERIES_HEIGHT] * len(lines), _BELOW_HEIGHT]
+    panel = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
+    return _blueprint(rrb.Vertical(timeline, *lines, below, row_shares=heights), panel)
+
+
+_SERIES_ROWS: Final = 2
+# shares of the window's height, thought of as px in a window of about 1000
+_SERIES_HEIGHT: Final = 130
+_BELOW_HEIGHT: Final = 270
+
+
+def _timeline_height(gantt: Gantt) -> int:
+    return min(max(45 + 40 * len(gantt.lanes), 130), 600)
+
+
+def _series_view(gantt: Gantt, group: str, step: bool) -> rrb.View:  # noqa: FBT001 - the items of a mapping
+    corner = rrb.Corner2D.RightBottom if step else rrb.Corner2D.LeftTop
+    return rrb.TimeSeriesView(
+        origin=entity("signals", group),
+        name=shorten(group, 40).capitalize(),
+        axis_x=_time_axis(gantt),
+        axis_y=rrba.ScalarAxis(range=(-0.05, 1.05)) if step else None,
+        plot_legend=rrb.PlotLegend(corner=corner),
+    )
+
+
+def _events_view() -> rrb.View:
+    columns = rrba.TextLogColumns(
+        timeline_columns=[rrbe.TimelineColumn(timeline=TIMELINE)],
+        text_log_columns=[rrbe.TextLogColumn(kind) for kind in ("LogLevel", "Body")],
+    )
+    return rrb.TextLogView(origin="/events", name="Events", columns=columns)
+
+
+def _task_views(table: DataTable) -> list[rrb.View]:
+    query = rrba.DataframeQuery(timeline=TIMELINE)
+    rows = rrb.DataframeView(origin="/tasks/rows", name="Data frame", query=query)
+    text = rrb.TextDocumentView(origin="/tasks/text", name=table.title)
+    if not table.frame.height:
+        return [text]
+    return [text, rows] if table.frame.height <= MAX_MARKDOWN_ROWS else [rows]
+
+
+def _time_axis(gantt: Gantt) -> rrba.TimeAxis:
+    margin = max((gantt.end_ns - gantt.start_ns) // 100, 1)
+    bound = rr.TimeRangeBoundary.absolute
+    # a linked axis would ignore the range and open at +-30 s
+    return rrba.TimeAxis(
+        view_range=rr.TimeRange(start=bound(seq=gantt.start_ns - margin), end=bound(seq=gantt.end_ns + margin))
+    )
+
+
+def campaign_blueprint(figures: CampaignFigures, pictures: dict[str, Canvas]) -> rrb.Blueprint:
+    """Return the layout of a campaign's recording; `pictures` are by the path of their entity."""
+    pages = [
+        _page(name, [(path, pictures[path]) for path in pictures if path.startswith(root)]) for name, root in _PAGES
+    ]
+    tables = rrb.Tabs(*[_table_view(table) for table in figures.tables], name="Tables")
+    about = rrb.TextDocumentView(origin="/about", name="About")
+    drawn = [page for page in pages if page is not None]
+    return _blueprint(rrb.Tabs(*drawn, tables, about, active_tab=0), rrb.TimePanel(state="hidden"))
+
+
+_PAGES: Final = (
+    ("Synergy", "/synergy/"),
+    ("Coefficients", "/coefficients/"),
+    ("Overlap, seconds", "/overlap/seconds/"),
+    ("Overlap, share", "/overlap/ratio/"),
+    ("Durations", "/durations/"),
+)
+
+
+def _page(name: str, pictures: Sequence[tuple[str, Canvas]]) -> rrb.Container | None:
+    views = [_picture_view(path, canvas) for path, canvas in pictures]
+    if not views:
+        return None
+    return rrb.Horizontal(*views, name=name) if len(views) <= 2 else rrb.Tabs(*views, name=name)
+
+
+def _picture_view(path: str, canvas: Canvas) -> rrb.View:
+    height, width = canvas.backdrop.shape[:2]
+    bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
+    return rrb.Spatial2DView(
+        origin=f"{path}/picture", name=shorten(canvas.name, 60), background=CARD, visual_bounds=bounds
+    )
+
+
+def _table_view(table: DataTable) -> rrb.View:
+    if table.frame.height <= MAX_MARKDOWN_ROWS:
+        return rrb.TextDocumentView(origin=f"/tables/{table.name}/text", name=table.title)
+    query = rrba.DataframeQuery(timeline="row")
+    return rrb.DataframeView(origin=f"/tables/{table.name}/rows", name=table.title, query=query)
+
+
+def _blueprint(root: rrb.Container, panel: rrb.TimePanel) -> rrb.Blueprint:
+    sides = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
+    return rrb.Blueprint(root, *sides, panel, auto_views=False, auto_layout=False)
