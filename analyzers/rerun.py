@@ -69,8 +69,8 @@ def save_campaign(figures: CampaignFigures, path: Path | str) -> None:
     blueprint = campaign_blueprint(figures, pictures)
     with recording(CAMPAIGN_APPLICATION, figures.campaign_id, figures.name, path, blueprint) as rec:
         rec.send_property("campaign", _properties(figures.facts))
-        for entity, canvas in pictures.items():
-            _send_canvas(rec, f"{entity}/picture", canvas)
+        for picture, canvas in pictures.items():
+            _send_canvas(rec, f"{picture}/picture", canvas)
         for kind, heatmap in _heatmaps(figures):
             tensor = rr.Tensor(heatmap.values, dim_names=("task", "other task"))
             rec.log(f"{_pair_path(kind, heatmap.agents)}/values", tensor, static=True, strict=True)

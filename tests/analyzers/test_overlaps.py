@@ -13,8 +13,12 @@ from interval_frames import Row, frame, random_runs, row, rows
 from polars.testing import assert_frame_equal
 
 from hrclog.analyzers import overlaps as module
-from hrclog.analyzers.overlaps import overlaps, pair_overlaps, sweep
+from hrclog.analyzers.intervals import intervals
+from hrclog.analyzers.overlaps import overlaps, pair_overlaps, sweep, task_pairs
 from hrclog.analyzers.schemas import OVERLAPS, PAIR_OVERLAPS
+from hrclog.event_rows import to_row
+from hrclog.events import TaskStarted
+from hrclog.log.decode import frame_of_rows
 
 Pairs = dict[tuple[str, str, str], int]
 
@@ -147,3 +151,21 @@ def test_mean_ratio_does_not_depend_on_the_order_in_which_rows_come() -> None:
     found = overlaps(rows_of)
     order = np.random.default_rng(0).permutation(found.height)
     assert_frame_equal(pair_overlaps(rows_of, found), pair_overlaps(rows_of, found[order]), check_exact=True)
+
+
+def test_executions_that_never_ended_do_not_overlap_everything_after_them() -> None:
+    starts = [("HR"[number % 2], 10 * (number // 2)) for number in range(600)]
+    events = [
+        TaskStarted(time_ns=start, seq=number, run_id="r", agent=agent, task="t", execution_id=f"e{number}")
+        for number, (agent, start) in enumerate(starts)
+    ]
+    found = frame_of_rows([to_row(event) | {"log_time_ns": 0} for event in events]).with_columns(path=pl.lit("x"))
+    assert overlaps(intervals(found)).height <= 2 * len(starts)
+
+
+def test_with_too_many_tasks_only_the_observed_pairs_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = pl.DataFrame({"agent": ["A", "A", "B"], "task": ["x", "y", "x"], "executions": [1, 2, 3]})
+    observed = pl.DataFrame({"agent": ["B"], "task": ["x"], "other_agent": ["A"], "other_task": ["y"]})
+    assert task_pairs(tasks, observed).height == 4
+    monkeypatch.setattr(module, "MOST_PAIRS", 3)
+    assert task_pairs(tasks, observed).rows() == [("B", "x", "A", "y", 3)]

@@ -87,7 +87,8 @@ def server() -> Iterator[Server]:
 
 def _acknowledged(folder: Path) -> list[tuple[str, str]]:
     path = folder / "acknowledged"
-    lines = path.read_text().splitlines() if path.exists() else []
+    # the kill may tear this file's last line too
+    lines = path.read_text().split("\n")[:-1] if path.exists() else []
     return [(kind, execution_id) for kind, _, execution_id in (line.partition(" ") for line in lines)]
 
 

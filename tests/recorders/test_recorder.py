@@ -617,3 +617,70 @@ def test_an_event_of_any_class_may_be_recorded(path: Path) -> None:
         event = recorder.record(TaskDispatched(time_ns=3, agent="robot", task="pick", execution_id="e", seq=99))
     assert (event.run_id, event.seq, event.time_ns) == (recorder.run_id, 1, 3)
     assert event in logged(path, "time_not_monotonic")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_child_neither_records_nor_ends_its_parents_run(path: Path) -> None:
+    with Recorder(path) as recorder:
+        child = os.fork()
+        if not child:
+            try:
+                recorder.start("robot", "pick")
+            except IllegalEventError:
+                recorder.close()
+                os._exit(7)
+            os._exit(1)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+        recorder.start("robot", "pick").end()
+    events = read_logs(path).events
+    assert events["kind"].to_list() == ["run_started", "task_started", "task_ended", "run_ended"]
+
+
+def test_what_comes_before_the_start_of_an_execution_is_refused(path: Path) -> None:
+    with Recorder(path) as recorder:
+        task = recorder.start("robot", "pick", time_ns=1000)
+        for late in (task.end, task.pause):
+            with pytest.raises(IllegalEventError, match="later instant"):
+                late(time_ns=999)
+        task.pause(time_ns=2000)
+        with pytest.raises(IllegalEventError, match="later instant"):
+            task.resume(time_ns=1999)
+        task.end(time_ns=2000)
+
+
+def test_a_clock_that_is_set_back_while_the_run_was_stopped_does_not_run_backwards(path: Path) -> None:
+    with Recorder(path, clock_ns=lambda: 10**15) as recorder:
+        task = recorder.start("robot", "pick")
+    with Recorder(path, resume=True, clock_ns=lambda: 10**9) as recorder:
+        recorder.end(task.execution_id)
+    logs = read_logs([path, path.with_name("run.2.mcap")])
+    assert [finding.code for finding in logs.diagnostics] == []
+    assert logs.events["time_ns"].to_list() == [10**15] * logs.events.height
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda recorder: recorder.safety("R", "x", speed_scale="0.4"),
+        lambda recorder: recorder.safety("R", "x", speed_scale=50),
+        lambda recorder: recorder.signal("x", "y"),
+        lambda recorder: recorder.signal(" ", 1.0),
+        lambda recorder: recorder.joints("R", ["a"], ["b"]),
+        lambda recorder: recorder.start("R", "pick", details=[1, 2]),
+        lambda recorder: recorder.start("R", "pick", role="aux"),
+        lambda recorder: recorder.start("R", "pick", time_ns=-5),
+        lambda recorder: recorder.start("R", "pick", time_ns=2**62),
+        lambda recorder: recorder.start("R", " "),
+    ],
+)
+def test_what_cannot_be_right_is_refused_with_an_error_of_ours(call: Callable[[Recorder], object], path: Path) -> None:
+    with Recorder(path) as recorder, pytest.raises(InvalidEventError):
+        call(recorder)
+    assert read_logs(path).events["kind"].to_list() == ["run_started", "run_ended"]
+
+
+def test_a_run_of_the_past_begins_and_ends_when_it_did(path: Path) -> None:
+    recorder = Recorder(path, time_ns=1000)
+    recorder.start("robot", "pick", time_ns=2000).end(time_ns=3000)
+    recorder.close(time_ns=4000)
+    assert read_logs(path).events["time_ns"].to_list() == [1000, 2000, 3000, 4000]
