@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
@@ -24,6 +25,33 @@ def find_logs(arguments: Iterable[str | Path]) -> list[Path]:
         for path in _expand(argument):
             found.update(dict.fromkeys(_logs_at(path)))
     return list(found)
+
+
+def unread_logs(arguments: Iterable[str | Path], found: Iterable[Path]) -> list[tuple[Path, str]]:
+    """Return what a user may have meant too: (folder, which logs there were not read).
+
+    Journals beside several logs of one folder (a glob for *.mcap passes over runs that were killed, of all runs), and
+    logs in the subfolders of a folder.
+    """
+    chosen = {path.absolute() for path in found}
+    folders = Counter(path.parent for path in chosen)
+    notes: list[tuple[Path, str]] = []
+    for folder, count in sorted(folders.items()):
+        journals = {path.absolute() for path in folder.glob("*.mcap.partial")} - chosen if count > 1 else set()
+        if journals:
+            notes.append((folder, f"{len(journals)} unfinished logs (*.mcap.partial) beside these were not read"))
+    for argument in map(Path, arguments):
+        below = _logs_below(argument) - chosen
+        if below:
+            notes.append((argument, f"{len(below)} logs in its subfolders were not read; name those too"))
+    return notes
+
+
+def _logs_below(folder: Path) -> set[Path]:
+    if not exists(folder) or not folder.is_dir() or (folder / BAG_METADATA).exists():
+        return set()
+    found = (path for pattern in LOG_PATTERNS for path in folder.glob(f"*/{pattern}"))
+    return {path.absolute() for path in found if not (path.parent / BAG_METADATA).exists()}
 
 
 def _expand(argument: str | Path) -> list[Path]:

@@ -7,7 +7,7 @@ diagnostic, and one bad file never hides the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -28,7 +28,7 @@ from hrclog.log.decode import (
     is_event_channel,
     is_wanted,
 )
-from hrclog.log.discover import find_logs
+from hrclog.log.discover import find_logs, unread_logs
 from hrclog.log.files import exists
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
@@ -86,7 +86,9 @@ def read_logs(
     if not parts:
         found = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
         raise LogReadError(paths[0].parent, found, "at least one log")
-    return _combine(parts, failures)
+    logs = _combine(parts, failures)
+    notes = [Diagnostic("unread_logs", text, str(path)) for path, text in unread_logs(arguments, paths)]
+    return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 
 def read_events(paths: str | Path | Iterable[str | Path]) -> pl.DataFrame:

@@ -248,3 +248,41 @@ def test_shell_completion_is_offered() -> None:
     code = "import sys; from hrclog.cli import main; sys.exit(main())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
     assert "analyze" in done.stdout
+
+
+def test_a_finished_log_is_left_alone_by_recover(run: Run, samples: Path, tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    log.write_bytes((samples / "single.mcap").read_bytes())
+    result = run("recover", log)
+    assert result.code == 0
+    assert "closed already" in result.out
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_a_missing_log_with_a_journal_beside_it_says_how_to_get_it(run: Run, samples: Path, tmp_path: Path) -> None:
+    (tmp_path / "run.mcap.partial").write_bytes((samples / "killed.mcap.partial").read_bytes())
+    result = run("info", tmp_path / "run.mcap")
+    assert result.code == 1
+    assert "hrclog recover" in result.err
+
+
+def test_logs_that_were_not_read_are_named(run: Run, samples: Path) -> None:
+    result = run("check", samples, "--json")
+    texts = [row["message"] for row in result.json()["diagnostics"] if row["code"] == "unread_logs"]
+    assert texts == ["12 logs in its subfolders were not read; name those too"]
+    result = run("check", samples / "single.mcap", samples / "failures.mcap", "--json")
+    texts = [row["message"] for row in result.json()["diagnostics"] if row["code"] == "unread_logs"]
+    assert texts == ["1 unfinished logs (*.mcap.partial) beside these were not read"]
+
+
+def test_a_failure_leaves_no_empty_folder_behind(run: Run, tmp_path: Path) -> None:
+    assert run("analyze", tmp_path / "missing.mcap", "-o", tmp_path / "out").code == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("redirect", "code"), [("2>&-", 0), (">/dev/full", 1), (">&-", 0), ("| head -1", 0)], ids=str)
+def test_closed_and_full_streams_make_no_traceback(redirect: str, code: int, samples: Path) -> None:
+    command = f"'{sys.executable}' -m hrclog info '{samples / 'single.mcap'}' {redirect}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == code
+    assert "Traceback" not in done.stderr
