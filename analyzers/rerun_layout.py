@@ -17,13 +17,13 @@ from hrclog.analyzers.figures.palette import CARD
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.figures.text import shorten
-from hrclog.analyzers.rerun_recording import entity
+from hrclog.analyzers.rerun_recording import Layout, entity
 
 TIMELINE: Final = "run_time"
 MAX_MARKDOWN_ROWS: Final = 100
 
 
-def run_blueprint(figures: RunFigures) -> rrb.Blueprint:
+def run_blueprint(figures: RunFigures) -> Layout:
     """Return the layout of a run's recording."""
     about = rrb.TextDocumentView(origin="/about", name="About this run")
     if not figures.tasks.frame.height and not figures.events.texts:
@@ -86,7 +86,7 @@ def _time_axis(gantt: Gantt) -> rrba.TimeAxis:
     )
 
 
-def campaign_blueprint(figures: CampaignFigures, pictures: dict[str, Canvas]) -> rrb.Blueprint:
+def campaign_blueprint(figures: CampaignFigures, pictures: dict[str, Canvas]) -> Layout:
     """Return the layout of a campaign's recording; `pictures` are by the path of their entity."""
     pages = [
         _page(name, [(path, pictures[path]) for path in pictures if path.startswith(root)]) for name, root in _PAGES
@@ -128,6 +128,6 @@ def _table_view(table: DataTable) -> rrb.View:
     return rrb.DataframeView(origin=f"/tables/{table.name}/rows", name=table.title, query=query)
 
 
-def _blueprint(root: rrb.Container, panel: rrb.TimePanel) -> rrb.Blueprint:
+def _blueprint(root: rrb.Container, panel: rrb.TimePanel) -> Layout:
     sides = rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed")
-    return rrb.Blueprint(root, *sides, panel, auto_views=False, auto_layout=False)
+    return Layout(root, *sides, panel, auto_views=False, auto_layout=False)

@@ -17,7 +17,23 @@ try:
 except ImportError:  # it is not public
 
     def _free() -> None:
-        """Leave four threads and the memory of each recording until the process ends."""
+        """Leave the threads and the memory of each recording until the process ends."""
+
+
+class Layout(rrb.Blueprint):
+    """A blueprint that closes the stream it goes through, which Rerun 0.41 leaves open."""
+
+    _stream: rr.RecordingStream | None = None
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        super()._log_to_stream(stream)
+
+    def close(self) -> None:
+        """Close the stream, once the blueprint is sent."""
+        if self._stream is not None:
+            self._stream.disconnect()
+            self._stream = None
 
 
 @contextmanager
@@ -34,42 +50,33 @@ def freed_recordings() -> Iterator[None]:
 
 @contextmanager
 def recording(
-    application: str, recording_id: str, name: str, path: Path | str, blueprint: rrb.Blueprint
+    application: str, recording_id: str, name: str, path: Path | str, layout: Layout
 ) -> Iterator[rr.RecordingStream]:
-    """Give a stream whose data go to a file.
+    """Give a stream, and write what it was given to a file.
 
     Args:
         application: whose layout it has.
         recording_id: tells recordings of an application apart.
         name: to show.
         path: of the file, which is replaced.
-        blueprint: the layout.
+        layout: how the recording opens.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    with _output_errors(path):
-        Path(path).write_bytes(b"\0")  # a stream that finds no place for its data complains on standard error
     # automatic properties hold the time of rendering: two renderings of one log would differ
     rec = rr.RecordingStream(application, recording_id=recording_id, send_properties=False)
+    # Rerun's own writer does not report a full disk, and now and then waits for it for ever
+    memory = rec.memory_recording()
     try:
-        with _output_errors(path):
-            rec.save(path, default_blueprint=blueprint)
+        rec.send_blueprint(layout, make_active=False)
+        layout.close()
         rec.send_recording_name(name)
         yield rec
-        with _output_errors(path):
-            rec.flush()  # else a full disk goes unnoticed
     finally:
+        data = memory.drain_as_bytes()
         rec.disconnect()
-
-
-@contextmanager
-def _output_errors(path: Path | str) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, RuntimeError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or error
-        raise OutputError(path, f"the recording cannot be written ({reason})") from error
+    _write(Path(path), data)
 
 
 def entity(*parts: str) -> str:
@@ -77,3 +84,10 @@ def entity(*parts: str) -> str:
     # Rerun 0.41 reads an escaped backslash before the next "/" as an escaped slash, and would join two parts
     whole = [part + "_" if part.endswith("\\") else part or UNNAMED for part in parts]
     return rr.new_entity_path(whole)
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise OutputError(path, f"the recording cannot be written ({error.strerror or error})") from error

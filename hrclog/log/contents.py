@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Final
 
+import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 
 from hrclog.log.message import IntArray
 from hrclog.log.records import Problem, Record, parse
+
+_JOINED_BYTES: Final = 1 << 22
 
 Wanted = Callable[[Channel, Schema | None], bool]
 """Says of a channel and its schema whether its messages are needed."""
@@ -26,6 +30,32 @@ class Batch:
     publish_time: IntArray
     start: IntArray
     end: IntArray
+
+
+def joined(batches: Iterable[Batch]) -> Iterator[Batch]:
+    """Yield the batches, small ones joined: decoding costs a fixed time per batch and little per message."""
+    pending: list[Batch] = []
+    size = 0
+    for batch in batches:
+        if pending and size + len(batch.data) > _JOINED_BYTES:
+            yield _join(pending)
+            pending, size = [], 0
+        pending.append(batch)
+        size += len(batch.data)
+    if pending:
+        yield _join(pending)
+
+
+def _join(batches: list[Batch]) -> Batch:
+    if len(batches) == 1:
+        return batches[0]
+    shift = np.cumsum([0, *(len(batch.data) for batch in batches[:-1])])
+    columns = [
+        [batch.channel, batch.sequence, batch.log_time, batch.publish_time, batch.start + by, batch.end + by]
+        for batch, by in zip(batches, shift, strict=True)
+    ]
+    data = b"".join(batch.data for batch in batches)
+    return Batch(data, *(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
 
 
 @dataclass(slots=True)

@@ -16,7 +16,7 @@ from hrclog.errors import InvalidEventError
 from hrclog.events import COLUMNS
 from hrclog.log import channels, message
 from hrclog.log.bags import BagTopic, definition_decoder, fields_of
-from hrclog.log.contents import Batch, Contents
+from hrclog.log.contents import Batch, Contents, joined
 from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.log.message import EVENTS
 from hrclog.log.signals import decode_signals, is_signal
@@ -54,13 +54,13 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
     """Decode the events and, if wanted, signals of an MCAP file."""
     decoded = Decoded()
     decoders = _event_decoders(contents, complain)
-    for batch in contents.batches:
+    for batch in joined(contents.batches):
         for channel_id in np.unique(batch.channel).tolist():
             part = _select(batch, batch.channel == channel_id)
             channel = contents.channels.get(channel_id)
             if channel is None:
                 text = f"{len(part.start)} messages are on channel {channel_id}, which is not declared"
-                complain("corrupt_data", text, int(part.start[0]))
+                complain("corrupt_data", f"{text}; the first has log time {part.log_time[0]} ns", None)
             elif channel_id in decoders:
                 decoded.events.append(decoders[channel_id](part))
             elif signals and is_signal(channel):
@@ -145,7 +145,7 @@ def _general_events(part: Batch, decode: _Decode, complain: Complain) -> pl.Data
     """Decode message by message; those that fail for the same reason share a complaint."""
     rows: list[dict[str, Any]] = []
     failures: Counter[str] = Counter()
-    offsets: dict[str, int] = {}
+    first: dict[str, int] = {}  # log times: a message in a compressed chunk has no offset in the file
     arrays = (part.start, part.end, part.log_time, part.publish_time, part.sequence)
     for start, end, log_time, publish_time, sequence in zip(*(array.tolist() for array in arrays), strict=True):
         try:
@@ -154,13 +154,14 @@ def _general_events(part: Batch, decode: _Decode, complain: Complain) -> pl.Data
             reason = str(error) if isinstance(error, InvalidEventError) else f"{type(error).__name__}: {error}"
             reason = reason if reason in failures or len(failures) < _MAX_REASONS else "for further reasons"
             failures[reason] += 1
-            offsets.setdefault(reason, start)
+            first.setdefault(reason, log_time)
             continue
         row["time_ns"] = publish_time if row["time_ns"] is None else row["time_ns"]
         row["seq"] = sequence if row["seq"] is None else row["seq"]
         rows.append(row | {"log_time_ns": log_time})
     for reason, count in failures.items():
-        complain("undecodable_event", f"{count} messages cannot be decoded ({reason})", offsets[reason])
+        text = f"{count} messages cannot be decoded ({reason}), the first with log time {first[reason]} ns"
+        complain("undecodable_event", text, None)
     return frame_of_rows(rows)
 
 

@@ -125,7 +125,7 @@ def _flip(data: bytes, bit: int) -> bytes:
     return bytes(damaged)
 
 
-many = settings(max_examples=60)
+many = settings(max_examples=40)
 
 
 @many
@@ -175,7 +175,7 @@ def test_a_flipped_bit_in_the_records_of_a_chunk_is_reported_as_corrupt_data(fin
 def test_every_bit_of_the_head_of_a_chunk_may_flip_without_harm_to_the_others(journal: File, finished: File) -> None:
     for file in (journal, finished):
         begin, end = file.spans[9]
-        for bit in range(begin * 8, (begin + 50) * 8, 3):
+        for bit in range(begin * 8, (begin + 50) * 8, 7):
             _check(file, _flip(file.data, bit), _hurt(file, begin, end))
 
 
@@ -242,7 +242,8 @@ def test_a_long_journal_declares_its_channels_again(tmp_path: Path) -> None:
 def test_messages_whose_declaration_is_lost_are_counted(journal: File) -> None:
     begin, end = journal.declarations[0][0], journal.declarations[-1][1]
     diagnostics = _check(journal, journal.data[:begin] + journal.data[end:], set(journal.rows))
-    assert f"{len(EVENTS)} messages are on channel 1, which is not declared" in {found.message for found in diagnostics}
+    text = f"{len(EVENTS)} messages are on channel 1, which is not declared"
+    assert any(found.message.startswith(text) for found in diagnostics)
 
 
 @given(st.binary(max_size=200), st.booleans())

@@ -169,4 +169,4 @@ def test_many_different_failures_share_a_few_diagnostics(tmp_path: Path) -> None
     messages = [b'{"kind":%d}' % i for i in range(100)]
     logs = read_log(write(tmp_path / "a.mcap", messages, encoding="json"))
     assert len(logs.diagnostics) == 11
-    assert logs.diagnostics[-1].message == "90 messages cannot be decoded (for further reasons)"
+    assert logs.diagnostics[-1].message.startswith("90 messages cannot be decoded (for further reasons)")

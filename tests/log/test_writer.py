@@ -41,7 +41,8 @@ def test_a_log_gives_its_events_back_numbered_per_run(tmp_path: Path, events: li
     finite = expected.with_columns(pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in floats)
     assert logs.events.select(COLUMNS).equals(finite)
     assert logs.events["path"].unique().to_list() == [str(path)]
-    assert {diagnostic.code for diagnostic in logs.diagnostics} <= {"time_not_monotonic", "non_finite_value"}
+    allowed = {"time_not_monotonic", "non_finite_value", "conflicting_runs"}
+    assert {diagnostic.code for diagnostic in logs.diagnostics} <= allowed
 
 
 def test_a_finished_log_is_indexed_and_carries_the_run_facts(tmp_path: Path) -> None:
