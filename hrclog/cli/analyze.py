@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hrclog.cli.common import Progress, json_option, logs_argument, tell
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.analysis import Analysis
 
 
 @click.command(name="analyze")
@@ -44,6 +49,14 @@ def command(logs: tuple[str, ...], output: Path, estimator: str, outliers: str, 
     Example:
       hrclog analyze runs/*.mcap -o results
     """  # noqa: D301 - click's \b keeps the line breaks
+    analysis = analyse(logs, output, estimator, outliers, as_json=as_json)
+    return tell(analysis.diagnostics)
+
+
+def analyse(
+    logs: Sequence[str | Path], output: Path, estimator: str = "ols", outliers: str = "none", *, as_json: bool = False
+) -> Analysis:
+    """Analyse logs, write everything to a folder and print the result."""
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.output import check_writable, save
     from hrclog.cli.summary import summary
@@ -56,4 +69,4 @@ def command(logs: tuple[str, ...], output: Path, estimator: str, outliers: str, 
     save(analysis, output, drawing)
     drawing.done()
     click.echo(analysis.to_json() if as_json else summary(analysis, output))
-    return tell(analysis.diagnostics)
+    return analysis

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hrclog.cli.common import Progress, json_option, tell
+from hrclog.cli.common import json_option, tell
 
 
 @click.command(name="demo")
@@ -27,20 +27,11 @@ def command(output: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes 
       hrclog demo
     """  # noqa: D301 - click's \b keeps the line breaks
     import hrclog.sample_logs as samples
-    from hrclog.analyzers.analysis import analyze
-    from hrclog.analyzers.output import check_writable, save
-    from hrclog.cli.summary import summary
+    from hrclog.cli.analyze import analyse
 
-    check_writable(output)
     campaign = Path(samples.__file__).parent / "campaign"
-    analysis = analyze([campaign])
-    drawing = Progress("drawing runs", analysis.runs.height + 1)
-    save(analysis, output, drawing)
-    drawing.done()
-    if as_json:
-        click.echo(analysis.to_json())
-    else:
-        click.echo(summary(analysis, output))
+    analysis = analyse([campaign], output, as_json=as_json)
+    if not as_json:
         click.echo(f"\nThe pictures: {output / 'analysis.rrd'} (all runs) and {output / 'runs'} (one each)")
         click.echo(f"The samples: {campaign.parent}")
         click.echo("Your own runs: hrclog record, hrclog import or hrclog sim, then hrclog analyze LOG...")

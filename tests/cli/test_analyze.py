@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 from hrclog.analyzers import schemas
+from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.writer import write_log
 
@@ -188,3 +189,9 @@ def test_the_authors_runs_take_the_planned_path(run: Run, data_dir: Path, tmp_pa
     }
     found = {(r["agent"], r["task"], r["other_agent"], r["other_task"]): r["n"] for r in document["synergies"]}
     assert {key: found[key] for key in counters} == counters
+
+
+def test_the_command_offers_every_estimator_and_outlier_method(run: Run) -> None:
+    text = run("analyze", "--help").out
+    assert f"[{'|'.join(ESTIMATORS)}]" in text
+    assert f"[{'|'.join(OUTLIERS)}]" in text
