@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -143,11 +146,27 @@ def test_several_files_none_of_which_can_be_read_are_refused_together(tmp_path: 
         read_logs(tmp_path)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
 def test_a_file_that_may_not_be_read_is_said_so(good: Path) -> None:
-    good.chmod(0)
-    with pytest.raises(LogReadError, match="Permission denied"):
-        read_logs(good)
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        log = Path(folder, "closed.mcap")
+        log.write_bytes(good.read_bytes())
+        log.chmod(0)
+        with not_root(), pytest.raises(LogReadError, match="Permission denied"):
+            read_logs(log)
+
+
+@contextmanager
+def not_root() -> Iterator[None]:
+    """Give up root's right to read everything for a while."""
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        if user == 0:
+            os.seteuid(0)
 
 
 def test_a_folder_without_logs_is_refused(tmp_path: Path) -> None:
