@@ -49,7 +49,6 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
-    "hidden_attempts": ("info", "the numbering of the recipes has gaps, so attempts were deleted upstream"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
     "run_not_ended": ("info", "the run has no run_ended event"),
