@@ -1,4 +1,4 @@
-# Shortcuts; see CONTRIBUTING in docs/development.md.
+# Shortcuts, see docs/development.md.
 .PHONY: setup quick test lint format types ci samples
 
 setup:

@@ -28,7 +28,7 @@ def critical_path(intervals: pl.DataFrame, precedences: Iterable[Precedence] = (
     """Return earliest and latest instants and the slack of each execution.
 
     Args:
-        intervals: a frame of schema `INTERVALS`; an execution still open lasts until the last instant of its run.
+        intervals: a frame of schema `INTERVALS`; an execution still open lasts until its `until_ns`.
         precedences: declared between plan items.
 
     Returns:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import unicodedata
 from collections import Counter
 from collections.abc import Callable
@@ -16,13 +15,23 @@ import polars as pl
 
 from hrclog.analyzers.analysis import Analysis
 from hrclog.errors import OutputError
+from hrclog.file_names import file_stem
 
 JSON_NAME: Final = "analysis.json"
 RECORDING_NAME: Final = "analysis.rrd"
 RUNS_FOLDER: Final = "runs"
-TABLES: Final = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics")
+TABLES: Final = (
+    "events",
+    "signals",
+    "intervals",
+    "overlaps",
+    "pair_overlaps",
+    "durations",
+    "synergies",
+    "runs",
+    "metrics",
+)
 
-_UNSAFE: Final = re.compile(r"[^\w.+-]+")
 _LONGEST_NAME: Final = 100  # bytes, of the 255 that file systems take
 _HASH_STEP: Final = 8
 
@@ -86,7 +95,7 @@ def recording_names(runs: pl.DataFrame) -> dict[str, str]:
 
 def _stem(name: str) -> str:
     # file systems count bytes, and a character has up to four
-    return _UNSAFE.sub("_", name).strip(".").encode()[:_LONGEST_NAME].decode(errors="ignore") or "run"
+    return file_stem(name, _LONGEST_NAME) or "run"
 
 
 def _hashed(stem: str, run_id: str, length: int) -> str:

@@ -31,7 +31,7 @@ def overlaps(intervals: pl.DataFrame) -> pl.DataFrame:
     """Return the ordered pairs of executions of one run that overlap.
 
     o = max(0, min(e_k, e_c) - max(b_k, b_c)). Auxiliary executions and steps of sequences are left out; pairs of one
-    agent with itself are included. An execution still open lasts until the last instant of its run.
+    agent with itself are included. An execution still open lasts until its `until_ns`.
 
     Args:
         intervals: a frame of schema `INTERVALS`.

@@ -111,7 +111,8 @@ SYNERGIES: Final = pl.Schema(
         "estimator": pl.String,
     }
 )
-"""One row per ordered pair of tasks of different agents; numbers are null where unobserved."""
+"""One row per ordered pair of tasks of different agents; numbers are null where unobserved or
+weakly identified, std_err and interval also where a regression has no more rows than coefficients."""
 
 RUNS: Final = pl.Schema(
     {
@@ -152,8 +153,3 @@ CRITICAL_PATH: Final = pl.Schema(
 
 SIGNALS: Final = pl.Schema({"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64, "value": pl.Float64})
 """One row per sample; joint states are named "agent/joint"."""
-
-
-def empty(schema: pl.Schema) -> pl.DataFrame:
-    """Return a frame of no rows."""
-    return pl.DataFrame(schema=schema)

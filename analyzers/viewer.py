@@ -41,15 +41,24 @@ def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
     Raises:
         HrclogError: there is no viewer, or no display to open a window on.
     """
+    check_viewer(recordings, web=web_port is not None)
     command = [viewer_path(), *map(str, recordings)]
     if web_port is not None:
         command += ["--serve-web", "--web-viewer-port", str(web_port), "--bind", "127.0.0.1"]
-    elif not has_display():
-        first = recordings[0] if recordings else "the .rrd files"
-        raise HrclogError(
-            f"found no display, expected one to open a window on; use --web, or open {first} on a desktop machine"
-        )
     return subprocess.run(command, check=False).returncode  # noqa: S603 - our own interpreter and the user's paths
+
+
+def check_viewer(recordings: Sequence[Path], *, web: bool) -> None:
+    """Raise if nothing could be shown.
+
+    Raises:
+        HrclogError: there is no viewer, or no display to open a window on.
+    """
+    viewer_path()
+    if not web and not has_display():
+        first = recordings[0] if recordings else "the .rrd files that `hrclog analyze` writes"
+        remedy = f"use --web, or open {first} on a desktop machine"
+        raise HrclogError(f"found no display, expected one to open a window on; {remedy}")
 
 
 def viewer_path() -> str:

@@ -59,8 +59,8 @@ class ImportDataError(HrclogError):
 
     def __init__(self, path: Path | str, found: str, expected: str, remedy: str = "") -> None:
         self.path = Path(path)
-        text = f"{path}: found {found}, expected {expected}"
-        super().__init__(f"{text}; {remedy}" if remedy else text)
+        self.reason = f"found {found}, expected {expected}{'; ' if remedy else ''}{remedy}"
+        super().__init__(f"{path}: {self.reason}")
 
 
 class ScenarioError(HrclogError):

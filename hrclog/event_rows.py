@@ -147,8 +147,8 @@ def _check_instants(row: Mapping[str, Any]) -> None:
         if value is None and name != "time_ns":
             continue
         lowest = 0 if name == "time_ns" else -LATEST_NS
-        if not isinstance(value, int) or not lowest <= value <= LATEST_NS:
-            found = f"{row['kind']}: {name} is {value!r}"
+        if not isinstance(value, int) or isinstance(value, bool) or not lowest <= value <= LATEST_NS:
+            found = f"{row['kind']}: {name} is {value!r} ({type(value).__name__})"
             raise InvalidEventError(f"{found}, expected whole nanoseconds since 1970 from {lowest} to {LATEST_NS}")
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from hrclog.errors import ScenarioError
 from hrclog.json_record import JsonRecord, read_json
+from hrclog.log.files import replace_atomically
 from hrclog.plan_order import Ledger, possible_sequence
 from hrclog.problem import Precedence, PrecedenceKind, Problem
 
@@ -132,11 +133,10 @@ def write_plan(path: Path, plan: Plan) -> None:
     """Write a plan as a JSON file, replacing an older one as a whole.
 
     Raises:
-        OSError: the file cannot be written.
+        LogWriteError: the file cannot be written.
     """
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(json.dumps(plan.to_json(), ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)
+    text = json.dumps(plan.to_json(), ensure_ascii=False, indent=1) + "\n"
+    replace_atomically(path, lambda stream: stream.write(text.encode()))
 
 
 def plan_from_json(record: JsonRecord) -> Plan:

@@ -82,6 +82,7 @@ class Recorder(EventRecorder):
         fsync: bool = False,
         clock_ns: Callable[[], int] | None = None,
     ) -> None:
+        _check_facts(run, agents, software, seed)
         target = log_path(path)
         segment = next_segment(target) if resume else first_segment(target)
         started = RunStarted(
@@ -91,7 +92,7 @@ class Recorder(EventRecorder):
             plan=plan,
             task_properties=task_properties,
             dispatch_mode=dispatch_mode,
-            software=dict(software or {}),
+            software=as_details(software),
             seed=seed,
             segment=segment.number,
         )
@@ -265,6 +266,21 @@ class Recorder(EventRecorder):
     def heartbeat(self, agent: str = "") -> None:
         """Record that an agent, or the recorder itself, is alive."""
         self.record(Heartbeat(time_ns=NOW, agent=agent))
+
+
+def _check_facts(run: object, agents: object, software: object, seed: object) -> None:
+    """Raise if what is known of a run has the wrong type: these come from users' files too."""
+    is_list = isinstance(agents, list | tuple) and all(isinstance(agent, str) and agent.strip() for agent in agents)
+    is_map = isinstance(software, Mapping) and all(isinstance(text, str) for text in (*software, *software.values()))
+    checks = {
+        f"run is {run!r}, expected a name": isinstance(run, str),
+        f"agents are {agents!r}, expected a list of names": is_list,
+        f"software is {software!r}, expected versions by name": software is None or is_map,
+        f"seed is {seed!r}, expected a whole number": seed is None or isinstance(seed, int),
+    }
+    for text, holds in checks.items():
+        if not holds:
+            raise InvalidEventError(f"run_started: {text}")
 
 
 def _number(value: float) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 import polars as pl
 
-from hrclog.errors import InvalidEventError, LogExistsError, LogReadError
+from hrclog.errors import InvalidEventError, LogExistsError, LogReadError, LogWriteError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import TaskFact
 from hrclog.ids import new_id
@@ -72,8 +72,11 @@ def segment_path(path: Path, number: int) -> Path:
 def _is_there(path: Path) -> bool:
     """Return whether a segment exists, after closing its journal."""
     journal = journal_path(path)
-    if exists(journal) and not journal.stat().st_size:
-        journal.unlink()  # killed before the first byte: nothing was acknowledged
+    try:
+        if exists(journal) and not journal.stat().st_size:
+            journal.unlink()  # killed before the first byte: nothing was acknowledged
+    except OSError as error:
+        raise LogWriteError(journal, f"cannot be removed ({error.strerror})", "remove it: it is empty") from error
     if exists(journal):
         recover(journal, path)
     return exists(path)

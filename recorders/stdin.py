@@ -76,7 +76,7 @@ def record_stream(
     head = list(_until_text(rest))
     opening, consumed = _opening(head[-1]) if head else ({}, 0)
     facts = {"run": run or opening.pop("name", ""), **opening}
-    with Recorder(path, resume=resume, fsync=fsync, **facts) as recorder:
+    with _recorder(path, facts, len(head), resume=resume, fsync=fsync) as recorder:
         remaining = chain(head[len(head) - 1 + consumed :], rest)
         first_number = max(len(head), 1) + consumed
         n_events, refused, last_ns = record_lines(remaining, recorder, on_event, on_refusal, first_number)
@@ -136,6 +136,14 @@ def _until_text(lines: Iterator[str]) -> Iterator[str]:
             return
 
 
+def _recorder(path: Path, facts: dict[str, Any], line: int, *, resume: bool, fsync: bool) -> Recorder:
+    """Open a recorder with what the first line says of the run; without it there is no run to record into."""
+    try:
+        return Recorder(path, resume=resume, fsync=fsync, **facts)
+    except InvalidEventError as error:
+        raise InvalidEventError(f"line {line}: {error}; nothing was recorded") from error
+
+
 def _opening(line: str) -> tuple[dict[str, Any], int]:
     """Return what the first line says of the run, and 1 if that is all it says, else 0."""
     try:
@@ -147,6 +155,7 @@ def _opening(line: str) -> tuple[dict[str, Any], int]:
     began = {} if row["time_ns"] is None else {"time_ns": row["time_ns"]}
     if row["kind"] != RunStarted.kind:
         return began, 0
+    _check_fields(value, (*COLUMNS, *_RUN_FACTS))
     facts = {name: value.get(name, details.get(name)) for name in _RUN_FACTS}
     return began | {name: fact for name, fact in facts.items() if fact is not None}, 1
 
@@ -169,10 +178,10 @@ def _event(value: dict[str, Any], recorder: Recorder) -> Event:
     return event
 
 
-def _check_fields(value: dict[str, Any]) -> None:
+def _check_fields(value: dict[str, Any], known: tuple[str, ...] = COLUMNS) -> None:
     for name in value:
-        if name not in COLUMNS:
-            near = difflib.get_close_matches(name.lower(), COLUMNS, 1)
+        if name not in known:
+            near = difflib.get_close_matches(name.lower(), known, 1)
             hint = f"did you mean {near[0]!r}?" if near else "put further facts into details"
             raise InvalidEventError(f"found the unknown field {name!r}, expected those of TaskEvent; {hint}")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Self, TypeVar
 
@@ -91,8 +92,15 @@ def as_details(details: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def instant(time_ns: int | None) -> int:
-    """Return an instant that the caller may leave to the recorder."""
-    return NOW if time_ns is None else time_ns
+    """Return an instant that the caller may leave to the recorder.
+
+    Raises:
+        InvalidEventError: it is no whole number.
+    """
+    try:
+        return NOW if time_ns is None else operator.index(time_ns)
+    except TypeError as error:
+        raise InvalidEventError(f"time_ns is {time_ns!r}, expected whole nanoseconds since 1970") from error
 
 
 def _of(kind: type[Fact], fact: TaskFact, time_ns: int | None) -> Fact:

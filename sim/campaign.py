@@ -9,7 +9,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
-from hrclog.errors import HrclogError, LogExistsError, OutputError, ScenarioError
+from hrclog.errors import LogExistsError, OutputError, ScenarioError
 from hrclog.log.writer import write_log
 from hrclog.sim.run import run_name, simulate_run
 from hrclog.sim.scenario import Scenario
@@ -83,7 +83,7 @@ def _parallel(
 ) -> Iterator[list[RunTruth]]:
     # spawned, not forked: the parent may hold threads (polars, a web server) that do not survive a fork
     with ProcessPoolExecutor(min(workers, len(batches)), mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(_write_batch_apart, scenario, seed, out_dir, batch) for batch in batches]
+        futures = [pool.submit(_write_batch, scenario, seed, out_dir, batch) for batch in batches]
         try:
             for future, batch in zip(futures, batches, strict=True):
                 yield future.result()
@@ -97,14 +97,6 @@ def _drop(futures: list[Future[list[RunTruth]]]) -> None:
     for future in futures:
         future.cancel()
     wait_for(futures)
-
-
-def _write_batch_apart(scenario: Scenario, seed: int, out_dir: Path, batch: range) -> list[RunTruth]:
-    try:
-        return _write_batch(scenario, seed, out_dir, batch)
-    except HrclogError as error:
-        # errors whose constructor takes facts do not survive the way back from another process; their text does
-        raise HrclogError(str(error)) from None
 
 
 def _write_batch(scenario: Scenario, seed: int, out_dir: Path, batch: range) -> list[RunTruth]:

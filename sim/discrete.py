@@ -95,9 +95,14 @@ class DiscreteCell:
         execution.outcome, execution.reason = Outcome.CANCELED, reason
         if self._running.get(execution.key[0]) is execution:
             self._advance(execution)
-            execution.work_ns -= execution.remaining_ns
+            done_ns = execution.work_ns - execution.remaining_ns
+            if execution.path_length is not None:
+                execution.path_length *= done_ns / execution.work_ns
+            execution.work_ns = done_ns
             self._finish(execution)
         else:
+            execution.path_length = execution.planning_time_s = None
+            execution.target = ""
             del self._given[execution_id]
             self._emit(self._ended(execution))
 

@@ -9,7 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from hrclog.errors import LogExistsError, OutputError, ScenarioError
+from hrclog.errors import LogExistsError, ScenarioError
+from hrclog.log.files import replace_atomically
 
 if TYPE_CHECKING:
     from hrclog.sim.scenario import Scenario
@@ -93,16 +94,11 @@ def write_truth(path: Path, truth: Truth) -> None:
 
     Raises:
         LogExistsError: the file exists.
-        OutputError: it cannot be written.
+        LogWriteError: it cannot be written.
     """
     if path.exists():
         raise LogExistsError(path, "choose another folder")
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_text(_text(truth), encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        raise OutputError(path, f"cannot be written ({error.strerror})") from error
+    replace_atomically(path, lambda stream: stream.write(_text(truth).encode()))
 
 
 def read_truth(path: Path) -> Truth:

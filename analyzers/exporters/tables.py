@@ -19,6 +19,7 @@ def write_table(frame: pl.DataFrame, path: Path) -> tuple[Path, int]:
         OutputError: the file cannot be written.
     """
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix == ".parquet":
             frame.write_parquet(path)
         else:

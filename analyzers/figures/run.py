@@ -70,7 +70,7 @@ def _span(
         times += [value for column in columns for value in (frame[column].min(), frame[column].max())]
     known = [int(time) for time in times if time is not None]
     origin = events["time_ns"].min() if events.height else min(known, default=0)
-    return int(origin), max(known, default=0)  # type: ignore[arg-type]
+    return int(origin), max(known, default=0)  # type: ignore[arg-type]  # int64 columns
 
 
 def _lanes(intervals: pl.DataFrame, events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Lane]:

@@ -51,9 +51,8 @@ class LazyGroup(click.Group):
 
 @click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(__version__, prog_name="hrclog")
-@click.option("--debug", is_flag=True, help="Show tracebacks of errors.")
-@click.pass_context
-def cli(ctx: click.Context, debug: bool) -> None:  # noqa: FBT001 - click passes flags by name
+@click.option("--debug", is_flag=True, expose_value=False, help="Show tracebacks of errors.")
+def cli() -> None:
     """Learn from runs of humans and robots that share a cell.
 
     Record or import runs as logs, then: hrclog analyze LOG...
@@ -62,7 +61,6 @@ def cli(ctx: click.Context, debug: bool) -> None:  # noqa: FBT001 - click passes
     Example:
       hrclog demo
     """  # noqa: D301 - click's \b keeps the line breaks
-    ctx.obj = {"debug": debug}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

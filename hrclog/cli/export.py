@@ -38,7 +38,6 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
     reading = Progress("reading logs")
     analysis = analyze(logs, on_file=reading)
     reading.done()
-    output.mkdir(parents=True, exist_ok=True)
     written = [write_table(getattr(analysis, name), output / f"{name}.{kind}") for name in tables or TABLES]
     if as_json:
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})

@@ -36,7 +36,9 @@ def command(logs: tuple[str, ...], as_json: bool) -> int:  # noqa: FBT001 - clic
 
 
 def _files(read: Logs) -> list[dict[str, Any]]:
-    unfinished = {finding.path for finding in read.diagnostics if finding.code in ("unfinished_log", "no_header")}
+    unfinished = {
+        finding.path for finding in read.diagnostics if finding.code in ("unfinished_log", "no_header", "truncated")
+    }
     counts = dict(read.events.group_by("path").len().iter_rows())
     return [
         {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, json_option, print_json
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, json_option, print_json, printable
 
 if TYPE_CHECKING:
     from hrclog.log.recover import Recovered
@@ -31,13 +31,14 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
     if output and len(sources) != 1:
         raise click.UsageError(f"-o goes with one log, found {len(sources)}")
     if not sources:
-        click.echo("no journals (*.mcap.partial) to recover")
+        click.echo("no journals (*.mcap.partial) to recover", err=True)
     done, failures = _recover_all(sources, output)
     for failure in failures:
-        click.echo(f"error: {failure}", err=True)
+        click.echo(printable(f"error: {failure}"), err=True)
     for result in done:
         for problem in result.problems:
-            click.echo(f"error: {result.source} (byte {problem.offset}): {problem.message} [{problem.code}]", err=True)
+            place = f"{result.source} (byte {problem.offset})"
+            click.echo(printable(f"error: {place}: {problem.message} [{problem.code}]"), err=True)
     if as_json:
         print_json({"recovered": [_as_dict(result) for result in done], "failures": failures})
     else:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from hrclog.cli.common import EXIT_FAILED, EXIT_FINE
+from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, tell
 
 
 @click.command(name="view")
@@ -25,15 +25,19 @@ def command(target: Path, web: bool, port: int, output: Path | None) -> int:  # 
       hrclog view hrclog-out
       hrclog view run.mcap --web
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.viewer import open_viewer, recordings_at
+    from hrclog.analyzers.viewer import check_viewer, open_viewer, recordings_at
 
     recordings = recordings_at(target)
+    check_viewer(recordings or [], web=web)
+    code = EXIT_FINE
     if recordings is None:
         from hrclog.analyzers.analysis import analyze
         from hrclog.analyzers.output import save
 
         folder = output or Path(tempfile.mkdtemp(prefix="hrclog-view-"))
         click.echo(f"analysing {target} into {folder}", err=True)
-        save(analyze([target]), folder)
+        analysis = analyze([target])
+        save(analysis, folder)
+        code = tell(analysis.diagnostics)
         recordings = recordings_at(folder) or []
-    return EXIT_FINE if open_viewer(recordings, web_port=port if web else None) == 0 else EXIT_FAILED
+    return code if open_viewer(recordings, web_port=port if web else None) == 0 else EXIT_FAILED

@@ -51,7 +51,7 @@ def sync_folder(folder: Path) -> None:
         os.close(fd)
 
 
-def replace_atomically(path: Path, fill: Callable[[IO[bytes]], None]) -> None:
+def replace_atomically(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
     """Let `fill` write a hidden file, sync it, and rename it to `path`: it is there whole, or not at all.
 
     Raises:

@@ -69,18 +69,8 @@ def read_logs(
         LogReadError: nothing matched, or no file could be read at all.
     """
     arguments = [arguments] if isinstance(arguments, str | Path) else list(arguments)
-    paths = find_logs(arguments)
-    if not paths:
-        names = ", ".join(map(str, arguments)) or "no argument"
-        raise LogReadError(names, "no log", "paths, folders or globs of .mcap files")
-    parts: list[Logs] = []
-    failures: list[LogReadError] = []
-    for path in paths:
-        try:
-            parts.append(read_log(path, signals=signals))
-        except LogReadError as error:
-            failures.append(error)
-        on_file(path)
+    paths = _found(arguments)
+    parts, failures = _read_all(paths, on_file, signals=signals)
     if len(failures) == 1 and not parts:
         raise failures[0]
     if not parts:
@@ -101,11 +91,32 @@ def read_events(paths: str | Path | Iterable[str | Path]) -> pl.DataFrame:
     Raises:
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
     """
-    logs = read_logs([paths] if isinstance(paths, str | Path) else paths)
-    for diagnostic in logs.diagnostics:
-        if diagnostic.code == "unreadable_file":
-            raise LogReadError(diagnostic.path, diagnostic.message, "an event log", "leave it out, or use read_logs")
-    return logs.events
+    parts, failures = _read_all(_found([paths] if isinstance(paths, str | Path) else list(paths)))
+    if failures:
+        raise failures[0]
+    return _combine(parts, []).events
+
+
+def _found(arguments: list[str | Path]) -> list[Path]:
+    paths = find_logs(arguments)
+    if not paths:
+        names = ", ".join(map(str, arguments)) or "no argument"
+        raise LogReadError(names, "no log", "paths, folders or globs of .mcap files")
+    return paths
+
+
+def _read_all(
+    paths: list[Path], on_file: Callable[[Path], None] = lambda _: None, *, signals: bool = False
+) -> tuple[list[Logs], list[LogReadError]]:
+    parts: list[Logs] = []
+    failures: list[LogReadError] = []
+    for path in paths:
+        try:
+            parts.append(read_log(path, signals=signals))
+        except LogReadError as error:
+            failures.append(error)
+        on_file(path)
+    return parts, failures
 
 
 def read_log(path: Path, *, signals: bool = False) -> Logs:

@@ -96,7 +96,12 @@ def _put_away(source: Path, *, damaged: bool) -> None:
 
 
 def _check_same(target: Path, source: Path, contents: Contents) -> None:
-    existing = read_streamed(target.read_bytes() if target.is_file() else b"")
+    try:
+        existing = read_streamed(target.read_bytes() if target.is_file() else b"")
+    except OSError as error:
+        raise LogReadError(
+            target, f"a file that cannot be opened ({error.strerror})", "no file, or the same log"
+        ) from error
     if sorted(_messages(existing)) != sorted(_messages(contents)):
         raise LogExistsError(target, f"it differs from {source}; choose another name with -o")
 

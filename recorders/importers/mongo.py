@@ -7,7 +7,6 @@ binary floats in epoch seconds, converted exactly; planned instants are seconds 
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from decimal import ROUND_HALF_EVEN, Decimal
@@ -18,6 +17,7 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import ImportDataError, OutputError
 from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted
+from hrclog.file_names import file_stem
 from hrclog.ids import derived_id
 from hrclog.log.decode import frame_of_rows
 from hrclog.log.reader import read_log
@@ -28,7 +28,6 @@ SOURCE: Final = "mongo"
 
 _LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a suffix while it is written
 _KEPT_IN_DETAILS: Final = ("duration_real", "date")
-_UNSAFE: Final = re.compile(r"[^\w.+-]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +106,7 @@ def exact_ns(seconds: float) -> int:
 
 def file_name(recipe: str) -> str:
     """Return a file name for a recipe: the recipe where it is safe, else cleaned and told apart by a hash."""
-    clean = _UNSAFE.sub("_", recipe).strip(".").encode()[:_LONGEST_NAME].decode(errors="ignore")
+    clean = file_stem(recipe, _LONGEST_NAME)
     return clean if clean == recipe else f"{clean}_{derived_id(SOURCE, recipe)[:8]}"
 
 
@@ -153,7 +152,7 @@ def _read_all(sources: list[Path], diagnostics: list[Diagnostic]) -> list[tuple[
         diagnostics += found
     if failures and len(failures) == len(sources):
         raise failures[0]
-    diagnostics += [Diagnostic("unreadable_file", str(error), str(error.path)) for error in failures]
+    diagnostics += [Diagnostic("unreadable_file", error.reason, str(error.path)) for error in failures]
     return executions
 
 

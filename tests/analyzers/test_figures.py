@@ -31,7 +31,7 @@ from hrclog.analyzers.figures.series import overlaps_so_far, signal_series, spee
 from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
 from hrclog.analyzers.figures.table import DataTable, markdown
 from hrclog.analyzers.figures.text import UNNAMED, markdown_escape, printable, shorten
-from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES, empty
+from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS
 
@@ -67,7 +67,7 @@ def execution(agent: str, task: str, start: float, end: float | None, **fields: 
 
 
 def frame(*rows: dict[str, Any]) -> pl.DataFrame:
-    return pl.DataFrame(rows, schema=INTERVALS, orient="row") if rows else empty(INTERVALS)
+    return pl.DataFrame(rows, schema=INTERVALS, orient="row") if rows else INTERVALS.to_frame()
 
 
 def events(*rows: dict[str, Any]) -> pl.DataFrame:
@@ -453,7 +453,7 @@ def test_any_text_finds_a_font() -> None:
 def test_times_in_a_run_count_from_its_first_event() -> None:
     rows = frame(execution("H", "pick", 100, 105), execution("R", "weld", 103, 110))
     log = events({"kind": "run_started", "time_ns": 99 * S}, {"kind": "run_ended", "time_ns": 111 * S})
-    figures = run_figures(RUN, rows, log, empty(SIGNALS))
+    figures = run_figures(RUN, rows, log, SIGNALS.to_frame())
     assert figures.origin_ns == 99 * S
     assert (figures.gantt.start_ns, figures.gantt.end_ns) == (0, 12 * S)
     assert [(lane.agent, lane.bars[0].start_ns) for lane in figures.gantt.lanes] == [("H", 1 * S), ("R", 4 * S)]
@@ -464,7 +464,7 @@ def test_times_in_a_run_count_from_its_first_event() -> None:
 def test_a_campaign_has_the_same_id_in_any_order_of_its_runs() -> None:
     runs = pl.DataFrame([RUN | {"run_id": name} for name in "abc"], schema=RUNS, orient="row")
     made = [
-        campaign_figures(frame(), empty(PAIR_OVERLAPS), empty(DURATIONS), empty(SYNERGIES), some, [])
+        campaign_figures(frame(), PAIR_OVERLAPS.to_frame(), DURATIONS.to_frame(), SYNERGIES.to_frame(), some, [])
         for some in (runs, runs.reverse(), runs.head(2))
     ]
     assert made[0].campaign_id == made[1].campaign_id != made[2].campaign_id
@@ -473,10 +473,10 @@ def test_a_campaign_has_the_same_id_in_any_order_of_its_runs() -> None:
 def test_nothing_at_all_makes_figures_that_say_so() -> None:
     campaign = campaign_figures(
         frame(),
-        empty(PAIR_OVERLAPS),
-        empty(DURATIONS),
-        empty(SYNERGIES),
-        empty(RUNS),
+        PAIR_OVERLAPS.to_frame(),
+        DURATIONS.to_frame(),
+        SYNERGIES.to_frame(),
+        RUNS.to_frame(),
         [Diagnostic("no_events", "none")],
     )
     assert campaign.synergies == campaign.overlaps == campaign.coefficients == ()
@@ -484,7 +484,7 @@ def test_nothing_at_all_makes_figures_that_say_so() -> None:
     assert boxplot_canvas(campaign.durations[0]).rects == ()
     diagnostics = next(table for table in campaign.tables if table.name == "diagnostics")
     assert diagnostics.frame["code"].to_list() == ["no_events"]
-    run = run_figures(RUN, frame(), events(), empty(SIGNALS))
+    run = run_figures(RUN, frame(), events(), SIGNALS.to_frame())
     assert run.gantt.lanes == ()
     assert run.series == ()
     assert (run.gantt.start_ns, run.gantt.end_ns) == (0, 0)

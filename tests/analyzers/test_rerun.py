@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 
 from hrclog.analyzers.figures import CampaignFigures, RunFigures, campaign_figures, run_figures
 from hrclog.analyzers.rerun import save_campaign, save_run
-from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES, empty
+from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import OutputError
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, LATEST_NS
@@ -50,7 +50,7 @@ def run_of(
         run,
         pl.DataFrame(rows, schema=INTERVALS, orient="row"),
         pl.DataFrame(log, schema=EVENTS, orient="row"),
-        empty(SIGNALS) if signals is None else signals,
+        SIGNALS.to_frame() if signals is None else signals,
     )
 
 
@@ -233,7 +233,15 @@ def test_nothing_at_all_makes_a_recording_that_says_so(tmp_path: Path) -> None:
     run, campaign = tmp_path / "run.rrd", tmp_path / "campaign.rrd"
     save_run(run_of([], []), run)
     save_campaign(
-        campaign_figures(empty(INTERVALS), *map(empty, (PAIR_OVERLAPS, DURATIONS, SYNERGIES, RUNS)), []), campaign
+        campaign_figures(
+            INTERVALS.to_frame(),
+            PAIR_OVERLAPS.to_frame(),
+            DURATIONS.to_frame(),
+            SYNERGIES.to_frame(),
+            RUNS.to_frame(),
+            [],
+        ),
+        campaign,
     )
     assert rerun("verify", run) == rerun("verify", campaign) == 0
     assert "Nothing to list." in str(flat(columns(run, "/tasks/text")["text"])[0])

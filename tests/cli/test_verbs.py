@@ -14,7 +14,9 @@ import polars as pl
 import pytest
 
 import hrclog
+from hrclog.analyzers.output import TABLES
 from hrclog.cli import VERBS
+from hrclog.cli.export import TABLES as EXPORTED
 
 Run = Callable[..., Any]
 
@@ -286,3 +288,32 @@ def test_closed_and_full_streams_make_no_traceback(redirect: str, code: int, sam
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert done.returncode == code
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "facts", [{"agents": [1]}, {"agents": 5}, {"agents": "human"}, {"software": "x"}, {"name": 5}, {"agnets": ["H"]}]
+)
+def test_a_first_line_that_says_nonsense_of_the_run_is_one_clear_sentence(
+    facts: dict[str, Any], tmp_path: Path
+) -> None:
+    done = piped(tmp_path / "run.mcap", json.dumps({"kind": "run_started", **facts}))
+    assert done.returncode == 1
+    assert done.stderr.startswith(b"hrclog: error:")
+    assert len(done.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_that_was_cut_off_is_not_called_closed(run: Run, samples: Path, tmp_path: Path) -> None:
+    data = (samples / "single.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 9 // 10])
+    result = run("info", tmp_path / "cut.mcap", "--json")
+    assert result.code == 3
+    assert result.json()["files"][0]["finished"] is False
+
+
+def test_recover_with_nothing_to_do_prints_json_only(run: Run, tmp_path: Path) -> None:
+    assert run("recover", tmp_path, "--json").json() == {"recovered": [], "failures": []}
+
+
+def test_export_offers_every_table_that_analyze_writes() -> None:
+    assert set(EXPORTED) == set(TABLES)

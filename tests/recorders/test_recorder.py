@@ -279,7 +279,7 @@ def test_an_unknown_execution_is_refused(path: Path) -> None:
         (lambda recorder: recorder.start("", "pick"), "agent is empty"),
         (lambda recorder: recorder.start("robot", ""), "task is empty"),
         (lambda recorder: recorder.start("robot", "pick", attempt=-1), "a field cannot be written"),
-        (lambda recorder: recorder.start("robot", "pick", time_ns=1.5), "a field cannot be written"),
+        (lambda recorder: recorder.start("robot", "pick", time_ns=1.5), "expected whole nanoseconds"),
         (lambda recorder: recorder.start("robot", "\ud800"), "a field cannot be written"),
         (lambda recorder: recorder.start("robot", 7), "a field cannot be written"),
         (lambda recorder: recorder.start("robot", "pick", details={"x": {1, 2}}), "cannot be written as JSON"),
