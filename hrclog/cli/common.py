@@ -39,7 +39,11 @@ class Progress:
 
     def __call__(self, *_: object) -> None:
         """Count one step."""
-        self._count += 1
+        self.advance(1)
+
+    def advance(self, count: int) -> None:
+        """Count several steps."""
+        self._count += count
         now = time.monotonic()
         # there is no standard error where the caller has closed it
         if (

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import click
+
+from hrclog.cli.common import Progress, json_option, print_json
 
 
 @click.command("sim", context_settings={"help_option_names": ["-h", "--help"]})
@@ -38,7 +35,7 @@ import click
     help="events: discrete events with known true synergies.",
 )
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes to use.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
+@json_option
 def command(
     scenario: str,
     runs: int,
@@ -63,8 +60,9 @@ def command(
     from hrclog.sim.truth import TRUTH_FILE
 
     cell = load_scenario(scenario)
-    with _late_bar(runs, "simulating") as update:
-        paths = simulate_campaign(cell, runs, seed, out_dir, workers, update)
+    simulating = Progress("simulating", runs)
+    paths = simulate_campaign(cell, runs, seed, out_dir, workers, simulating.advance)
+    simulating.done()
     truth = out_dir / TRUTH_FILE
     if as_json:
         result = {
@@ -74,26 +72,7 @@ def command(
             "logs": [str(path) for path in paths],
             "truth": str(truth),
         }
-        click.echo(json.dumps(result, ensure_ascii=False))
+        print_json(result)
     else:
         click.echo(f"{len(paths)} runs of {cell.name}: {paths[0]} .. {paths[-1].name}, truth in {truth}")
     return 0
-
-
-@contextmanager
-def _late_bar(total: int, label: str) -> Iterator[Callable[[int], None]]:
-    """Give a function that moves a progress bar, which shows once it has taken a second."""
-    started, done = time.monotonic(), 0
-    update: Callable[[int], None] | None = None
-    with ExitStack() as stack:
-
-        def advance(count: int) -> None:
-            nonlocal done, update
-            done += count
-            if update is not None:
-                update(count)
-            elif time.monotonic() - started > 1.0:
-                update = stack.enter_context(click.progressbar(length=total, label=label, file=sys.stderr)).update
-                update(done)
-
-        yield advance

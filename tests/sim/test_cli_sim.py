@@ -6,12 +6,10 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Self
 
 import pytest
 
 from hrclog.cli import main
-from hrclog.cli.sim import _late_bar
 from hrclog.sim.scenario import scenario_names
 
 
@@ -60,29 +58,6 @@ def test_help_names_every_scenario_and_shows_an_example(capsys: pytest.CaptureFi
     text = " ".join(capsys.readouterr().out.split())
     assert all(name in text for name in scenario_names())
     assert "hrclog sim --scenario paper --runs 50 --seed 1 -o simulated" in text
-
-
-def test_a_long_campaign_shows_its_progress_after_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-
-    shown: list[int] = []
-    times = iter([0.0, 0.5, 1.5, 2.0])
-    monkeypatch.setattr("hrclog.cli.sim.time.monotonic", lambda: next(times))
-
-    class Bar:
-        def __enter__(self) -> Self:
-            return self
-
-        def __exit__(self, *_: object) -> None:
-            return
-
-        def update(self, count: int) -> None:
-            shown.append(count)
-
-    monkeypatch.setattr("hrclog.cli.sim.click.progressbar", lambda **_: Bar())
-    with _late_bar(10, "simulating") as advance:
-        for _ in range(3):
-            advance(2)
-    assert shown == [4, 2]
 
 
 def test_the_simulator_needs_no_heavy_imports() -> None:
