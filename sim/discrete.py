@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from hrclog.events import Cause, Event, Outcome, SafetyStateChanged, TaskEnded, TaskPaused, TaskResumed, TaskStarted
-from hrclog.recorders.executor import Command, Emit
+from hrclog.recorders.executor import Command, Emit, event_on
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.scenario import AgentTask, Scenario
 from hrclog.sim.stream import Stream
@@ -144,18 +144,11 @@ class DiscreteCell:
         execution.remaining_ns = execution.work_ns
         self._running[command.agent] = execution
         self._emit(
-            TaskStarted(
+            event_on(
+                TaskStarted,
+                command,
                 time_ns=self._queue.now_ns,
-                run_id=command.run_id,
                 seq=self._next_seq(),
-                agent=command.agent,
-                task=command.task,
-                execution_id=command.execution_id,
-                task_type=command.task_type,
-                role=command.role,
-                attempt=command.attempt,
-                item_id=command.item_id,
-                command_id=command.command_id,
                 planned_start_ns=command.planned_start_ns,
                 planned_end_ns=command.planned_end_ns,
             )
@@ -188,18 +181,11 @@ class DiscreteCell:
     def _ended(self, execution: _Execution) -> TaskEnded:
         command = execution.command
         planned = command.planned_end_ns is not None and command.planned_start_ns is not None
-        return TaskEnded(
+        return event_on(
+            TaskEnded,
+            command,
             time_ns=self._queue.now_ns,
-            run_id=command.run_id,
             seq=self._next_seq(),
-            agent=command.agent,
-            task=command.task,
-            execution_id=command.execution_id,
-            task_type=command.task_type,
-            role=command.role,
-            attempt=command.attempt,
-            item_id=command.item_id,
-            command_id=command.command_id,
             outcome=execution.outcome,
             reason=execution.reason,
             planned_duration_s=self._scenario.durations_s[execution.key] if planned else None,
@@ -260,17 +246,11 @@ class DiscreteCell:
 
     def _pause(self, execution: _Execution) -> Event:
         command = execution.command
-        return (TaskPaused if execution.paused else TaskResumed)(
+        kind: type[TaskPaused | TaskResumed] = TaskPaused if execution.paused else TaskResumed
+        return event_on(
+            kind,
+            command,
             time_ns=self._queue.now_ns,
-            run_id=command.run_id,
             seq=self._next_seq(),
-            agent=command.agent,
-            task=command.task,
-            execution_id=command.execution_id,
-            task_type=command.task_type,
-            role=command.role,
-            attempt=command.attempt,
-            item_id=command.item_id,
-            command_id=command.command_id,
             cause=Cause.SAFETY,
         )

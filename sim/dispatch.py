@@ -10,7 +10,7 @@ from hrclog.dispatch_rule import Decision, Verdict, decide
 from hrclog.errors import ScenarioError
 from hrclog.events import Event, Outcome, TaskDispatched, TaskEnded
 from hrclog.plan import Plan, PlanItem
-from hrclog.recorders.executor import Command, Emit, Executor
+from hrclog.recorders.executor import Command, Emit, Executor, event_on
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.scenario import ABORT, TIMED, Scenario
 
@@ -133,17 +133,11 @@ class SimulatedDispatcher:
         )
         self._active[item.agent] = command.execution_id
         self._emit(
-            TaskDispatched(
+            event_on(
+                TaskDispatched,
+                command,
                 time_ns=self._queue.now_ns,
-                run_id=self._run_id,
                 seq=self._next_seq(),
-                agent=item.agent,
-                task=item.task,
-                execution_id=command.execution_id,
-                task_type=command.task_type,
-                attempt=attempt,
-                item_id=item.item_id,
-                command_id=command.command_id,
                 planned_start_ns=command.planned_start_ns,
                 planned_end_ns=command.planned_end_ns,
             )

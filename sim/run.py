@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -54,7 +55,7 @@ def simulate_run(scenario: Scenario, seed: int, index: int, plan: Plan | None = 
     queue = EventQueue(BASE_EPOCH_NS + index * _spacing_ns(scenario))
     events: list[Event] = []
     next_seq = itertools.count().__next__
-    new_id = Uuid7Generator(lambda: queue.now_ns, _id_stream(scenario, seed, index).bits)
+    new_id = Uuid7Generator(lambda: queue.now_ns, _id_stream(scenario, seed, index, plan).bits)
     run_id, name = new_id(), run_name(scenario, index)
     streams = {agent: Stream(seed, index, "agent", agent) for agent in scenario.problem.agents}
     cell = DiscreteCell(scenario, queue, streams, next_seq)
@@ -123,9 +124,10 @@ def _plan_sequence(scenario: Scenario, seed: int) -> PlanSequence:
     return PlanSequence(scenario, seed)
 
 
-def _id_stream(scenario: Scenario, seed: int, index: int) -> Stream:
-    # runs of different scenarios start at the same instants and may be analysed together
-    return Stream(seed, index, "ids", scenario.name, scenario.digest)
+def _id_stream(scenario: Scenario, seed: int, index: int, plan: Plan | None) -> Stream:
+    # runs of different scenarios and plans start at the same instants and may be analysed together
+    given = () if plan is None else (json.dumps(plan.to_json(), sort_keys=True),)
+    return Stream(seed, index, "ids", scenario.name, scenario.digest, *given)
 
 
 def _checked(scenario: Scenario, plan: Plan) -> Plan:

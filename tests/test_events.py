@@ -72,7 +72,7 @@ def test_columns_that_are_missing_count_as_unset_and_further_ones_are_ignored() 
 
 @pytest.mark.parametrize("plan", [{}, [], "", 0, False])
 def test_a_plan_that_is_empty_is_not_the_same_as_none(plan: object) -> None:
-    assert from_row(to_row(PlanChanged(time_ns=1, plan=plan))).plan == plan  # type: ignore[attr-defined]
+    assert from_row(to_row(PlanChanged(time_ns=1, plan=plan))).plan == plan  # type: ignore[attr-defined]  # a PlanChanged
 
 
 def test_details_may_not_name_a_field_of_the_event() -> None:
@@ -121,7 +121,7 @@ def test_empty_details_are_an_empty_object() -> None:
         (SafetyStateChanged(time_ns=1, speed_scale=-0.1), "speed_scale is -0.1"),
         (SafetyStateChanged(time_ns=1, speed_scale=float("nan")), "speed_scale is nan"),
         (SafetyStateChanged(time_ns=1, speed_scale=float("inf")), "speed_scale is inf"),
-        (Heartbeat(time_ns=None), "time_ns is None"),  # type: ignore[arg-type]
+        (Heartbeat(time_ns=None), "time_ns is None"),  # type: ignore[arg-type]  # the wrong type is the point
     ],
 )
 def test_what_the_vocabulary_forbids_is_named(event: Event, message: str) -> None:

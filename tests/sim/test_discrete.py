@@ -151,7 +151,7 @@ def check_plan_kept(scenario: Scenario, run: Run) -> None:
             assert event.agent in scenario.problem.task(event.task).agents
             assert event.agent not in active
             active[event.agent] = event.execution_id
-            assert all(ended.get(other) == Outcome.SUCCEEDED for other in item.get("after", []))  # type: ignore[attr-defined]
+            assert all(ended.get(other) == Outcome.SUCCEEDED for other in item.get("after", []))  # type: ignore[attr-defined]  # JSON
             order[event.agent] += [event.item_id] * (event.item_id not in order[event.agent])
         elif isinstance(event, TaskEnded):
             active.pop(event.agent, None)

@@ -191,3 +191,9 @@ def test_rates_of_two_other_agents_multiply() -> None:
         e.time_ns for e in run.events if isinstance(e, TaskFact) and e.agent == "a" and e.kind != "task_dispatched"
     )
     assert end_ns - start_ns == 3_000_000_000  # 2 s of work at 1/3 * 2
+
+
+def test_runs_of_two_given_plans_have_ids_of_their_own() -> None:
+    scenario = load_scenario("paper")
+    first, second = (simulate_run(scenario, 1, 0, plan_of(scenario, 1, index)) for index in (0, 1))
+    assert first.truth.run_id != second.truth.run_id
