@@ -17,14 +17,17 @@ from hrclog.analyzers.intervals import rebuild
 from hrclog.analyzers.metrics import metrics, nested
 from hrclog.analyzers.overlaps import overlaps, pair_overlaps
 from hrclog.analyzers.runs import runs
+from hrclog.analyzers.synergy.bootstrap import with_bootstrap
 from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
+from hrclog.analyzers.synergy.fit import Fit
+from hrclog.analyzers.synergy.observations import Observations, observe
 from hrclog.analyzers.synergy.outliers import Outliers
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
 from hrclog.log.reader import Logs, read_logs
 
 SCHEMA_VERSION: Final = 1
-DEFAULT_ESTIMATOR: Final = "ols"
+DEFAULT_ESTIMATOR: Final = next(iter(ESTIMATORS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +46,9 @@ class Analysis:
     diagnostics: list[Diagnostic]
     estimator: str
     outliers: str
+    bootstrap: int  # draws of runs that errors and intervals of synergies come from; 0 if they are the estimator's
+    observations: Observations
+    fit: Fit
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""
@@ -52,6 +58,7 @@ class Analysis:
             "hrclog_version": __version__,
             "estimator": self.estimator,
             "outliers": self.outliers,
+            "bootstrap": self.bootstrap,
             "runs": [row | {"metrics": of_run.get(row["run_id"], {})} for row in self.runs.iter_rows(named=True)],
             "durations": self.durations.to_dicts(),
             "synergies": self.synergies.to_dicts(),
@@ -88,14 +95,23 @@ def analyze(
     estimator: str = DEFAULT_ESTIMATOR,
     outliers: Outliers = "none",
     on_file: Callable[[Path], None] = lambda _: None,
+    *,
+    bootstrap: int = 0,
+    seed: int = 0,
+    workers: int = 1,
+    on_draws: Callable[[int], None] = lambda _: None,
 ) -> Analysis:
     """Read logs, folders and globs, and analyse their runs.
 
     Args:
         paths: what to read.
-        estimator: ols or paper.
+        estimator: aft, bayes, ols or paper.
         outliers: none or isolation-forest.
         on_file: called after each file, for progress.
+        bootstrap: how many times to draw the runs anew for errors and intervals of synergies; 0 keeps the estimator's.
+        seed: of those draws.
+        workers: processes for them.
+        on_draws: told how many further draws are done, for progress.
 
     Raises:
         HrclogError: the estimator or outlier method is not known.
@@ -107,16 +123,32 @@ def analyze(
         read_logs([paths] if isinstance(paths, str | Path) else paths, signals=True, on_file=on_file),
         estimator,
         outliers,
+        bootstrap=bootstrap,
+        seed=seed,
+        workers=workers,
+        on_draws=on_draws,
     )
 
 
-def analyze_logs(logs: Logs, estimator: str = DEFAULT_ESTIMATOR, outliers: Outliers = "none") -> Analysis:
-    """Analyse what was read."""
+def analyze_logs(
+    logs: Logs,
+    estimator: str = DEFAULT_ESTIMATOR,
+    outliers: Outliers = "none",
+    *,
+    bootstrap: int = 0,
+    seed: int = 0,
+    workers: int = 1,
+    on_draws: Callable[[int], None] = lambda _: None,
+) -> Analysis:
+    """Analyse what was read; arguments as those of `analyze`."""
     executions, illegal = rebuild(logs.events)
     found = overlaps(executions)
     table = runs(logs.events, executions)
-    synergies = ESTIMATORS[estimator](executions, outliers)
-    lints = [*lint(logs.events, executions, found, table), *impossible_factors(synergies)]
+    observations = observe(executions)
+    fit = ESTIMATORS[estimator](observations, outliers)
+    if bootstrap:
+        fit = with_bootstrap(fit, observations, estimator, outliers, bootstrap, seed, workers, on_draws)
+    lints = [*lint(logs.events, executions, found, table), *impossible_factors(fit.synergies)]
     return Analysis(
         events=logs.events,
         signals=logs.signals,
@@ -124,12 +156,15 @@ def analyze_logs(logs: Logs, estimator: str = DEFAULT_ESTIMATOR, outliers: Outli
         overlaps=found,
         pair_overlaps=pair_overlaps(executions, found),
         durations=durations(executions),
-        synergies=synergies,
+        synergies=fit.synergies,
         runs=table,
         metrics=metrics(executions, logs.events, logs.signals),
         diagnostics=[*logs.diagnostics, *illegal, *lints],
         estimator=estimator,
         outliers=outliers,
+        bootstrap=bootstrap,
+        observations=observations,
+        fit=fit,
     )
 
 

@@ -100,19 +100,22 @@ SYNERGIES: Final = pl.Schema(
         "task": pl.String,
         "other_agent": pl.String,
         "other_task": pl.String,
-        "synergy": pl.Float64,  # factor on the duration of (agent, task) while the other runs; > 1 is bad
-        "synergy_free": pl.Float64,  # relative to undisturbed work, where the estimator knows it
+        "synergy": pl.Float64,  # duration of (agent, task) while the other runs, over its mean duration; > 1 is bad
         "std_err": pl.Float64,
         "ci_low": pl.Float64,  # 95 %
         "ci_high": pl.Float64,
-        "n": pl.Int64,  # pairs of executions that overlap
+        "synergy_free": pl.Float64,  # the same over undisturbed work, where the estimator knows it
+        "free_std_err": pl.Float64,
+        "free_ci_low": pl.Float64,  # 95 %
+        "free_ci_high": pl.Float64,
+        "n": pl.Int64,  # pairs of successful executions that overlap
         "overlap_s": pl.Float64,
         "status": pl.String,  # ok | sparse (n < 5) | weakly_identified | unobserved
         "estimator": pl.String,
     }
 )
-"""One row per ordered pair of tasks of different agents; numbers are null where unobserved or
-weakly identified, std_err and interval also where a regression has no more rows than coefficients."""
+"""One row per ordered pair of tasks of different agents. Unobserved ones have no numbers, weakly identified ones only
+those that the data hold; a regression with no more rows than coefficients has neither errors nor intervals."""
 
 RUNS: Final = pl.Schema(
     {

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures import wait as wait_for
-from multiprocessing import get_context
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from hrclog.errors import LogExistsError, OutputError, ScenarioError
 from hrclog.log.writer import write_log
+from hrclog.parallel import ordered_map
 from hrclog.sim.run import run_name, simulate_run
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.truth import TRUTH_FILE, RunTruth, scenario_truth, write_truth
@@ -47,10 +46,11 @@ def simulate_campaign(
     paths = tuple(out_dir / f"{run_name(scenario, index)}.mcap" for index in range(runs))
     _prepare(out_dir, (out_dir / TRUTH_FILE, *paths))
     batches = [range(start, min(start + _BATCH, runs)) for start in range(0, runs, _BATCH)]
-    results = _serial if workers == 1 else _parallel
     truths: list[RunTruth] = []
-    for batch_truths in results(scenario, seed, out_dir, batches, workers, progress or (lambda _: None)):
+    for batch_truths in ordered_map(partial(_write_batch, scenario, seed, out_dir), batches, workers):
         truths += batch_truths
+        if progress:
+            progress(len(batch_truths))
     write_truth(out_dir / TRUTH_FILE, scenario_truth(scenario, seed, truths))
     return paths
 
@@ -68,35 +68,6 @@ def _prepare(out_dir: Path, paths: tuple[Path, ...]) -> None:
     for path in paths:
         if path.exists():
             raise LogExistsError(path, "choose an empty folder with -o")
-
-
-def _serial(
-    scenario: Scenario, seed: int, out_dir: Path, batches: list[range], _workers: int, progress: Progress
-) -> Iterator[list[RunTruth]]:
-    for batch in batches:
-        yield _write_batch(scenario, seed, out_dir, batch)
-        progress(len(batch))
-
-
-def _parallel(
-    scenario: Scenario, seed: int, out_dir: Path, batches: list[range], workers: int, progress: Progress
-) -> Iterator[list[RunTruth]]:
-    # spawned, not forked: the parent may hold threads (polars, a web server) that do not survive a fork
-    with ProcessPoolExecutor(min(workers, len(batches)), mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(_write_batch, scenario, seed, out_dir, batch) for batch in batches]
-        try:
-            for future, batch in zip(futures, batches, strict=True):
-                yield future.result()
-                progress(len(batch))
-        except BaseException:
-            _drop(futures)
-            raise
-
-
-def _drop(futures: list[Future[list[RunTruth]]]) -> None:
-    for future in futures:
-        future.cancel()
-    wait_for(futures)
 
 
 def _write_batch(scenario: Scenario, seed: int, out_dir: Path, batch: range) -> list[RunTruth]:

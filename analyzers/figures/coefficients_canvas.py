@@ -15,10 +15,14 @@ _SHORTER: Final[Color] = (103, 169, 207)
 
 
 def coefficients_canvas(plot: Coefficients) -> Canvas:
-    """Return a row per coefficient, a line at 1, factors from left to right; what lies beyond 5 is clipped and said."""
+    """Return a row per coefficient, a line at 1, factors from left to right.
+
+    Estimates are within the axis; intervals that reach beyond it, and beyond 5, are clipped, which is said.
+    """
     lows = [row.value if row.low is None else row.low for row in plot.rows]
     highs = [row.value if row.high is None else row.high for row in plot.rows]
-    ends = max(min([0.8, *lows]), 0.0), min(max([1.2, *highs]), _WIDEST)
+    furthest = max([_WIDEST, *(1.1 * row.value for row in plot.rows)])
+    ends = max(min([0.8, *lows]), 0.0), min(max([1.2, *highs]), furthest)
     clipped = sum(low < ends[0] or high > ends[1] for low, high in zip(lows, highs, strict=True))
     beyond = [f"{clipped} intervals reach beyond the axis; the table has their ends."] if clipped else []
     rows = [Row(f"{row.name}  ({row.n})") for row in plot.rows]

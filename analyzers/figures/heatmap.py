@@ -22,8 +22,8 @@ Scale = Literal["diverging", "sequential"]
 class Heatmap:
     """Values of shape (rows, columns) under a title; NaN is unobserved and never drawn as a number.
 
-    `spread` (half of an interval, NaN where unknown), `counts` and `doubtful` (cells to be marked) have the same shape
-    or are None. A diverging scale is centred on 1 and logarithmic, a sequential one begins at 0.
+    `low` and `high` (the ends of an interval, NaN where unknown), `counts` and `doubtful` (cells to be marked) have the
+    same shape or are None. A diverging scale is centred on 1 and logarithmic, a sequential one begins at 0.
     """
 
     agents: tuple[str, str]
@@ -34,7 +34,8 @@ class Heatmap:
     columns: tuple[str, ...]
     values: FloatArray
     scale: Scale
-    spread: FloatArray | None = None
+    low: FloatArray | None = None
+    high: FloatArray | None = None
     counts: FloatArray | None = None
     doubtful: BoolArray | None = None
     digits: int = 2

@@ -173,8 +173,9 @@ def _notes(heatmap: Heatmap, row: int, column: int) -> tuple[str, ...]:
     if not np.isfinite(heatmap.values[row, column]):
         return ()
     notes = []
-    if heatmap.spread is not None and np.isfinite(heatmap.spread[row, column]):
-        notes.append(f"±{heatmap.spread[row, column]:.{heatmap.digits}f}")
+    if heatmap.low is not None and heatmap.high is not None and np.isfinite(heatmap.low[row, column]):
+        low, high = (f"{ends[row, column]:,.{heatmap.digits}f}" for ends in (heatmap.low, heatmap.high))
+        notes.append(f"{low} to {high}")
     if heatmap.counts is not None and np.isfinite(heatmap.counts[row, column]):
         notes.append(f"n = {int(heatmap.counts[row, column]):,}")
     return tuple(notes)
@@ -190,7 +191,13 @@ def _footer(sheet: Sheet, heatmap: Heatmap, layout: _Layout) -> None:
         sheet.box(
             left + x, y, left + x + 1, y + _BAR, heatmap.color(limit ** (2 * share - 1) if log else limit * share)
         )
-    ends = (f"{1 / limit:.2f}", "1 = no effect", f"{limit:.2f}") if log else ("0", "", f"{limit:,.{heatmap.digits}f}")
+    known = heatmap.values[np.isfinite(heatmap.values)]
+    less, more = (" or less" if (known < 1 / limit).any() else ""), (" or more" if (known > limit).any() else "")
+    ends = (
+        (f"{1 / limit:.2f}{less}", "1 = no effect", f"{limit:.2f}{more}")
+        if log
+        else ("0", "", f"{limit:,.{heatmap.digits}f}")
+    )
     below = y + _BAR + 8
     for said, share, anchor in zip(ends, (0.0, 0.5, 1.0), ("la", "ma", "ra"), strict=True):
         sheet.text((left + share * width, below), said, SMALL, MUTED, anchor)

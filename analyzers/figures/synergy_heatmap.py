@@ -12,7 +12,7 @@ from hrclog.analyzers.figures.text import shorten
 
 HOW_TO_READ: Final = (
     "Factor on the duration of the row's task: above 1 (orange) it takes longer, below 1 (blue) less. "
-    "± is half of the 95 % interval; n counts pairs of executions that overlap."
+    "Below it the 95 % interval; n counts pairs of executions that overlap."
 )
 
 
@@ -29,7 +29,6 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
     agent, other = (shorten(name, 28) for name in agents)
     drawn = axes(cells, "overlap_s", agents)
     cells = cells.with_columns(
-        ((pl.col("ci_high") - pl.col("ci_low")) / 2).alias("spread"),
         pl.col("status").is_in(("sparse", "weakly_identified")).cast(pl.Float64).alias("doubtful"),
     )
     values = matrix(cells, "synergy", drawn)
@@ -37,7 +36,7 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
     estimator = ", ".join(sorted(set(cells["estimator"].to_list()) - {""}))
     marked = "* sparse (n < 5) or weakly identified." if doubtful.any() else ""
     unseen = int(np.isnan(values).sum())
-    grey = f"Grey, n/a: never observed together ({unseen:,})." if unseen else ""
+    grey = f"Grey, n/a: never observed together, or not told by the data ({unseen:,})." if unseen else ""
     return Heatmap(
         agents=agents,
         title=f"Synergy: {agent} while {other} works" + (f" ({estimator})" if estimator else ""),
@@ -47,7 +46,8 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
         columns=drawn.columns,
         values=values,
         scale="diverging",
-        spread=matrix(cells, "spread", drawn),
+        low=matrix(cells, "ci_low", drawn),
+        high=matrix(cells, "ci_high", drawn),
         counts=matrix(cells, "n", drawn),
         doubtful=doubtful,
         captions=tuple(text for text in (HOW_TO_READ, marked, grey, *drawn.captions) if text),

@@ -15,21 +15,22 @@ _RANK_TOLERANCE: Final = 1e-10  # of the largest singular value, columns scaled 
 
 @dataclass(frozen=True, slots=True)
 class LeastSquares:
-    """A fit; NaN where a coefficient, its standard error or its interval is not identified. Shapes (p,)."""
+    """A fit; NaN where a number is not identified. Shapes (p,), the covariance (p, p)."""
 
     coefficients: Floats
     std_errors: Floats
     low: Floats
     high: Floats
     identified: npt.NDArray[np.bool_]
+    covariance: Floats
 
 
 @dataclass(frozen=True, slots=True)
 class _Solution:
-    """Coefficients, the square roots of the diagonal of (X'X)^-1, the rank, and what is identified."""
+    """Coefficients, a root F of (X'X)^-1 = F F', the rank, and what is identified."""
 
     coefficients: Floats
-    spread: Floats
+    root: Floats
     rank: int
     identified: npt.NDArray[np.bool_]
 
@@ -53,9 +54,14 @@ def fit(x: Floats, y: Floats) -> LeastSquares:
     freedom = len(y) - found.rank
     residual = y - unit @ found.coefficients
     variance = float(residual @ residual) / freedom if freedom > 0 else np.nan
-    std_errors = np.where(found.identified, np.sqrt(variance) * found.spread / scale, np.nan)
+    spread = np.linalg.norm(found.root, axis=1)
+    std_errors = np.where(found.identified, np.sqrt(variance) * spread / scale, np.nan)
     half = float(stdtrit(freedom, 0.975)) * std_errors if freedom > 0 else std_errors
-    return LeastSquares(coefficients, std_errors, coefficients - half, coefficients + half, found.identified)
+    root = np.where(found.identified[:, None], found.root / scale[:, None], np.nan)
+    covariance = variance * (root @ root.T)
+    return LeastSquares(
+        coefficients, std_errors, coefficients - half, coefficients + half, found.identified, covariance
+    )
 
 
 def _by_qr(unit: Floats, y: Floats) -> _Solution | None:
@@ -72,7 +78,7 @@ def _by_qr(unit: Floats, y: Floats) -> _Solution | None:
     inverse, singular = dtrtri(r)
     if singular or not np.linalg.norm(r) * np.linalg.norm(inverse) * _RANK_TOLERANCE < 1:
         return None
-    return _Solution(inverse @ (q.T @ y), np.linalg.norm(inverse, axis=1), p, np.ones(p, np.bool_))
+    return _Solution(inverse @ (q.T @ y), inverse, p, np.ones(p, np.bool_))
 
 
 def _by_svd(unit: Floats, y: Floats) -> _Solution:
@@ -80,6 +86,5 @@ def _by_svd(unit: Floats, y: Floats) -> _Solution:
     u, singular, vt = np.linalg.svd(unit, full_matrices=False)
     keep = singular > _RANK_TOLERANCE * singular.max()
     u, singular, vt = u[:, keep], singular[keep], vt[keep]
-    spread = np.sqrt(((vt / singular[:, None]) ** 2).sum(axis=0))
     identified = np.abs((vt**2).sum(axis=0) - 1) < 1e-8
-    return _Solution(vt.T @ ((u.T @ y) / singular), spread, len(singular), identified)
+    return _Solution(vt.T @ ((u.T @ y) / singular), vt.T / singular, len(singular), identified)

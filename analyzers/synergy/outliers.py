@@ -14,7 +14,7 @@ _FEWEST: Final = 2  # a forest of a single sample isolates nothing
 
 
 def inliers(y: npt.NDArray[np.float64], method: Outliers) -> npt.NDArray[np.bool_]:
-    """Return which rows to keep, shape (n,).
+    """Return which rows to keep, shape (n,); all of them where none stands out.
 
     The isolation forest (Liu et al. 2008) is fitted on y alone, as the paper's authors do. It drops rows from both
     tails, among them slow ones that are the effect to be learnt, so it is an option and never the default.
@@ -28,4 +28,4 @@ def inliers(y: npt.NDArray[np.float64], method: Outliers) -> npt.NDArray[np.bool
     from sklearn.ensemble import IsolationForest
 
     kept: npt.NDArray[np.bool_] = IsolationForest(random_state=_SEED).fit_predict(y[:, None]) == 1
-    return kept
+    return kept if kept.any() else ~kept  # it calls all outliers where all are equal

@@ -17,12 +17,14 @@ from hrclog.errors import HrclogError
 VERBS = {
     "analyze": "Durations, overlaps, synergies and pictures of recorded runs.",
     "check": "Look for damage and doubtful data in logs.",
+    "compare": "Say how two sets of runs differ.",
     "demo": "Analyse the sample runs that come with hrclog.",
     "export": "Write events, intervals and overlaps as CSV or Parquet.",
     "import": "Turn other systems' records into logs.",
     "info": "Say what a log holds.",
     "record": "Record events given as JSON lines on standard input.",
     "recover": "Close logs whose recorder was killed.",
+    "score": "Say how well estimators predict what they have not seen.",
     "sim": "Simulate runs of a cell and write their logs.",
     "view": "Open a log or a recording in the Rerun viewer.",
 }

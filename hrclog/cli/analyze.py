@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hrclog.cli.common import Progress, json_option, logs_argument, tell
+from hrclog.cli.common import Progress, bootstrap_options, json_option, logs_argument, tell
 
 if TYPE_CHECKING:
     from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.synergy.outliers import Outliers
 
 
 @click.command(name="analyze")
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--estimator",
-    type=click.Choice(["ols", "paper"]),
-    default="ols",
+    type=click.Choice(["aft", "bayes", "ols", "paper"]),
+    default="aft",
     show_default=True,
     help="How synergies are estimated.",
 )
@@ -36,10 +37,20 @@ if TYPE_CHECKING:
     type=click.Choice(["none", "isolation-forest"]),
     default="none",
     show_default=True,
-    help="Which rows of a regression are left out.",
+    help="Which executions an estimator leaves out.",
 )
+@bootstrap_options(0)
 @json_option
-def command(logs: tuple[str, ...], output: Path, estimator: str, outliers: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def command(
+    logs: tuple[str, ...],
+    output: Path,
+    estimator: str,
+    outliers: str,
+    bootstrap: int,
+    seed: int,
+    workers: int,
+    as_json: bool,  # noqa: FBT001 - click passes flags by name
+) -> int:
     """Rebuild what happened in recorded runs and estimate durations, overlaps and synergies.
 
     LOG is a log, a folder of logs, a glob or a ROS bag. Tables go to standard output; JSON, Parquet and Rerun
@@ -49,12 +60,22 @@ def command(logs: tuple[str, ...], output: Path, estimator: str, outliers: str, 
     Example:
       hrclog analyze runs/*.mcap -o results
     """  # noqa: D301 - click's \b keeps the line breaks
-    analysis = analyse(logs, output, estimator, outliers, as_json=as_json)
+    analysis = analyse(
+        logs, output, estimator, outliers, bootstrap=bootstrap, seed=seed, workers=workers, as_json=as_json
+    )
     return tell(analysis.diagnostics)
 
 
 def analyse(
-    logs: Sequence[str | Path], output: Path, estimator: str = "ols", outliers: str = "none", *, as_json: bool = False
+    logs: Sequence[str | Path],
+    output: Path,
+    estimator: str = "aft",
+    outliers: str = "none",
+    *,
+    bootstrap: int = 0,
+    seed: int = 0,
+    workers: int = 1,
+    as_json: bool = False,
 ) -> Analysis:
     """Analyse logs, write everything to a folder and print the result."""
     from hrclog.analyzers.analysis import analyze
@@ -63,7 +84,19 @@ def analyse(
 
     check_writable(output)
     reading = Progress("reading logs")
-    analysis = analyze(logs, estimator, outliers, reading)  # type: ignore[arg-type]  # click.Choice keeps to the literals
+    kept: Outliers = "isolation-forest" if outliers == "isolation-forest" else "none"
+    draws = Progress("drawing runs anew", bootstrap)
+    analysis = analyze(
+        logs,
+        estimator,
+        kept,
+        reading,
+        bootstrap=bootstrap,
+        seed=seed,
+        workers=workers,
+        on_draws=draws.advance,
+    )
+    draws.done()
     reading.done()
     drawing = Progress("drawing runs", analysis.runs.height + 1)
     save(analysis, output, drawing)

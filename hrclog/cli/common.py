@@ -7,16 +7,21 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
 if TYPE_CHECKING:
     from hrclog.diagnostic import Diagnostic
 
+Command = TypeVar("Command", bound=Callable[..., Any])
+
 EXIT_FINE: Final = 0
 EXIT_FAILED: Final = 1
 EXIT_DATA_LOST: Final = 3
+
+FEWEST_DRAWS: Final = 40
+"""Of a bootstrap; with fewer, no draw lies beyond a 95 % interval."""
 
 _SHOWN_PER_CODE: Final = 5
 _QUIET_SECONDS: Final = 1.0
@@ -24,6 +29,43 @@ _WIDEST_CELL: Final = 80
 
 logs_argument = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=click.Path())
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
+
+
+def _enough_draws(_context: click.Context, _parameter: click.Parameter, value: int) -> int:
+    if 0 < value < FEWEST_DRAWS:
+        raise click.BadParameter(
+            f"{value} draws have no 95 % interval, expected at least {FEWEST_DRAWS}, or 0 for none"
+        )
+    return value
+
+
+def bootstrap_options(default: int) -> Callable[[Command], Command]:
+    """Add --bootstrap, --seed and --workers to a command.
+
+    Args:
+        default: how many draws.
+    """
+
+    def add(command: Command) -> Command:
+        for option in (
+            click.option(
+                "--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes for the draws."
+            ),
+            click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the draws."),
+            click.option(
+                "--bootstrap",
+                type=click.IntRange(min=0),
+                callback=_enough_draws,
+                default=default,
+                show_default=True,
+                metavar="N",
+                help="Take errors and intervals from N draws of whole runs.",
+            ),
+        ):
+            command = option(command)
+        return command
+
+    return add
 
 
 class Progress:

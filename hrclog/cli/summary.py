@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from statistics import mean, stdev
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hrclog.cli.common import number, printable, table
 
@@ -84,12 +84,14 @@ def _synergies(analysis: Analysis) -> str:
     if analysis.synergies.is_empty():
         return ""
     seen = analysis.synergies.filter(analysis.synergies["n"] > 0)
+    free = bool(seen["synergy_free"].is_not_null().any())
     rows = [
         (
             f"{row['agent']}: {row['task']}",
             f"{row['other_agent']}: {row['other_task']}",
             number(row["synergy"]),
             f"[{number(row['ci_low'])}, {number(row['ci_high'])}]",
+            *([_free(row)] if free else []),
             str(row["n"]),
             number(row["overlap_s"], 1),
             row["status"],
@@ -100,9 +102,17 @@ def _synergies(analysis: Analysis) -> str:
     title = (
         f"Synergies by {analysis.estimator}: factor on a task's mean duration while another's task runs (> 1 is slower)"
     )
-    note = f"\n{unobserved} pairs of tasks never overlapped: not observed" if unobserved else ""
-    header = ("task", "while", "factor", "95 % interval", "n", "overlap s", "status")
-    return f"{title}\n{table(header, rows, lambda i: 1 < i < 6)}{_more(seen.height)}{note}"
+    drawn = f"\nIntervals come from {analysis.bootstrap} draws of whole runs" if analysis.bootstrap else ""
+    note = drawn + (f"\n{unobserved} pairs of tasks never overlapped: not observed" if unobserved else "")
+    header = ("task", "while", "factor", "95 % interval", *(["over free"] if free else []), "n", "overlap s", "status")
+    return f"{title}\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_more(seen.height)}{note}"
+
+
+def _free(row: dict[str, Any]) -> str:
+    if row["synergy_free"] is None:
+        return "n/a"
+    ends = "" if row["free_ci_low"] is None else f" [{number(row['free_ci_low'])}, {number(row['free_ci_high'])}]"
+    return number(row["synergy_free"]) + ends
 
 
 def _more(height: int) -> str:

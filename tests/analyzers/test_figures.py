@@ -262,8 +262,9 @@ def test_an_unobserved_pair_is_grey_and_has_no_number() -> None:
     assert heatmap.color(1.0) == diverging(0.0)
     assert heatmap.doubtful is not None
     assert np.argwhere(heatmap.doubtful).tolist() == [[1, 1]]
-    assert heatmap.spread is not None
-    assert heatmap.spread[1, 2] == pytest.approx(0.1)
+    assert heatmap.low is not None
+    assert heatmap.high is not None
+    assert heatmap.high[1, 2] - heatmap.low[1, 2] == pytest.approx(0.2)
     assert any("never observed" in text for text in heatmap.captions)
 
 

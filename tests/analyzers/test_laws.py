@@ -198,7 +198,7 @@ def test_a_file_given_twice_counts_once_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     for path in (tmp_path / "a").iterdir():
         (tmp_path / "b" / path.name).write_bytes(path.read_bytes())
-    second = analyze([tmp_path / "a", tmp_path / "b", tmp_path / "a" / "run000.mcap"])
+    second = analyze([tmp_path / "a", tmp_path / "b", tmp_path / "a" / "run000.mcap"], "ols")
     same(first, second, TABLES + PER_RUN)
     told = {one.code for one in second.diagnostics} - {one.code for one in first.diagnostics}
     assert told == {"duplicate_events"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,10 @@ from polars.testing import assert_frame_equal
 
 from hrclog.analyzers.schemas import SYNERGIES
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
-from hrclog.analyzers.synergy.regression import ols, paper
+from hrclog.analyzers.synergy.observations import observe
+from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.regression import Regression as Matrices
+from hrclog.analyzers.synergy.regression import concurrent_shares, own_shares
 
 if TYPE_CHECKING:
     from conftest import Runs
@@ -27,6 +30,10 @@ Key = tuple[str, str, str, str]
 Regression = tuple[list[Key], np.ndarray, np.ndarray]
 
 both = pytest.mark.parametrize("name", ["ols", "paper"])
+
+
+def estimated(name: str, intervals: pl.DataFrame, outliers: Outliers = "none") -> pl.DataFrame:
+    return ESTIMATORS[name](observe(intervals), outliers).synergies
 
 
 def union_length(spans: list[tuple[int, int]]) -> int:
@@ -84,7 +91,7 @@ def by_key(table: pl.DataFrame) -> dict[Key, Row]:
 
 def agrees(found: list[Row], name: str, rtol: float = 1e-9) -> int:
     """Assert that an estimator equals the naive regressions; return how many coefficients were compared."""
-    table, compared, expected_keys = by_key(ESTIMATORS[name](frame(found), "none")), 0, set()
+    table, compared, expected_keys = by_key(estimated(name, frame(found))), 0, set()
     for keys, x, y in naive(found, name):
         expected_keys |= set(keys)
         n, p = x.shape
@@ -141,7 +148,7 @@ def test_published_counters_are_n_exactly(name: str, offline: Runs, data_dir: Pa
         (one["agent"], one["agent_skill"], one["concurrent_agent"], one["concurrent_skill"]): one["counter"]
         for one in published
     }
-    found = {key: one["n"] for key, one in by_key(ESTIMATORS[name](offline.intervals, "none")).items() if one["n"]}
+    found = {key: one["n"] for key, one in by_key(estimated(name, offline.intervals)).items() if one["n"]}
     assert found == counters
 
 
@@ -150,7 +157,7 @@ def test_every_ordered_pair_of_tasks_of_different_agents_is_one_row(name: str) -
     found = random_runs(2, n_runs=3, per_agent=3, agents="HRS")
     tasks = {(one["agent"], one["task"]) for one in found}
     expected = sorted(one + other for one in tasks for other in tasks if one[0] != other[0])
-    assert list(by_key(ESTIMATORS[name](frame(found), "none"))) == expected
+    assert list(by_key(estimated(name, frame(found)))) == expected
 
 
 @both
@@ -158,13 +165,13 @@ def test_executions_that_did_not_succeed_take_no_part(name: str) -> None:
     found = random_runs(4)
     good = [one for one in found if one["outcome"] == "succeeded"]
     assert len(good) < len(found)
-    assert_frame_equal(ESTIMATORS[name](frame(found), "none"), ESTIMATORS[name](frame(good), "none"), check_exact=True)
+    assert_frame_equal(estimated(name, frame(found)), estimated(name, frame(good)), check_exact=True)
 
 
 @both
 def test_a_single_pair_has_a_coefficient_without_an_error(name: str) -> None:
     found = [row("H", "h", 0, 10 * SECOND), row("R", "r", 5 * SECOND, 15 * SECOND)]
-    one = by_key(ESTIMATORS[name](frame(found), "none"))["R", "r", "H", "h"]
+    one = by_key(estimated(name, frame(found)))["R", "r", "H", "h"]
     assert (one["n"], one["status"], one["std_err"], one["overlap_s"]) == (1, "sparse", None, 5.0)
     assert one["synergy"] == pytest.approx(1.0)
 
@@ -175,7 +182,7 @@ def test_designs_that_cannot_tell_two_tasks_apart_say_so(name: str) -> None:
     for run in range(6):  # r1 and r2 always come together, in equal shares
         found += [row("H", "h", 0, 8 * SECOND, run_id=f"{run}"), row("R", "r1", 0, 4 * SECOND, run_id=f"{run}")]
         found.append(row("R", "r2", 4 * SECOND, 8 * SECOND, run_id=f"{run}"))
-    table = by_key(ESTIMATORS[name](frame(found), "none"))
+    table = by_key(estimated(name, frame(found)))
     for task in ("r1", "r2"):
         one = table["R", task, "H", "h"]
         assert (one["status"], one["n"], one["synergy"], one["std_err"]) == ("weakly_identified", 6, None, None)
@@ -185,16 +192,16 @@ def test_the_left_side_of_the_paper_is_a_union_and_that_of_ols_a_sum() -> None:
     # R does r1 in 0..6 and again in 2..8, both within h
     found = [row("H", "h", 0, 10 * SECOND), row("R", "r", 0, 6 * SECOND), row("R", "r", 2 * SECOND, 8 * SECOND)]
     # ols: y = 12, X = 6 (1 + 1); paper: y = 8, X = 6 (0.6 + 0.6)
-    assert by_key(ols(frame(found)))["R", "r", "H", "h"]["synergy"] == pytest.approx(12 / 12)
-    assert by_key(paper(frame(found)))["R", "r", "H", "h"]["synergy"] == pytest.approx(8 / 7.2)
+    assert by_key(estimated("ols", frame(found)))["R", "r", "H", "h"]["synergy"] == pytest.approx(12 / 12)
+    assert by_key(estimated("paper", frame(found)))["R", "r", "H", "h"]["synergy"] == pytest.approx(8 / 7.2)
 
 
 @both
 def test_the_isolation_forest_gives_the_same_answer_each_time_and_another_than_none(name: str) -> None:
     found = frame(random_runs(8, n_runs=10, tasks=2))
-    first = ESTIMATORS[name](found, "isolation-forest")
-    assert_frame_equal(first, ESTIMATORS[name](found, "isolation-forest"), check_exact=True)
-    none = ESTIMATORS[name](found, "none")
+    first = estimated(name, found, "isolation-forest")
+    assert_frame_equal(first, estimated(name, found, "isolation-forest"), check_exact=True)
+    none = estimated(name, found)
     assert first["n"].to_list() == none["n"].to_list()
     assert first["synergy"].to_list() != none["synergy"].to_list()
 
@@ -203,23 +210,36 @@ def test_the_isolation_forest_gives_the_same_answer_each_time_and_another_than_n
 @pytest.mark.parametrize("outliers", ["none", "isolation-forest"])
 def test_one_agent_alone_or_none_has_no_synergies(name: str, outliers: str) -> None:
     for found in (random_runs(1, agents="H"), []):
-        table = ESTIMATORS[name](frame(found), outliers)
+        table = estimated(name, frame(found), outliers)
         assert (table.height, table.schema) == (0, SYNERGIES)
 
 
 def test_synergy_free_is_not_known_to_a_regression() -> None:
-    assert ols(frame(random_runs(1)))["synergy_free"].null_count() == ols(frame(random_runs(1))).height
+    assert (
+        estimated("ols", frame(random_runs(1)))["synergy_free"].null_count()
+        == estimated("ols", frame(random_runs(1))).height
+    )
 
 
 @settings(max_examples=30)
 @given(rows(max_size=10, scale=SECOND))
 def test_the_order_of_the_executions_does_not_matter(found: list[Row]) -> None:
     assume(found)
-    assert_frame_equal(ols(frame(found)), ols(frame(found[::-1])), check_exact=True)
+    assert_frame_equal(estimated("ols", frame(found)), estimated("ols", frame(found[::-1])), check_exact=True)
 
 
 @pytest.mark.slow
 @both
 def test_hundreds_of_tasks_take_seconds(name: str) -> None:
     found = frame(random_runs(1, n_runs=40, per_agent=250, tasks=250))
-    assert ESTIMATORS[name](found, "none").height == 2 * 250 * 250
+    assert estimated(name, found).height == 2 * 250 * 250
+
+
+@pytest.mark.parametrize("shares", [concurrent_shares, own_shares])
+def test_a_task_that_only_outliers_met_has_no_column(shares: Callable[..., Iterator[Matrices]]) -> None:
+    observations = observe(frame(random_runs(8, n_runs=6, tasks=6)))
+    every, kept = list(shares(observations, "none")), list(shares(observations, "isolation-forest"))
+    assert sum(len(one.keys) for one in kept) < sum(len(one.keys) for one in every)
+    for one in every + kept:
+        assert one.x.shape == (len(one.y), len(one.keys))
+        assert one.x.any(axis=0).all()

@@ -1,0 +1,1 @@
+"""Predict how long executions and runs take, before they happen."""

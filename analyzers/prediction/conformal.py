@@ -1,0 +1,56 @@
+"""Widths that hold within a session: how far held-out executions were from what was fitted without their run.
+
+Conformal prediction (Vovk, Gammerman and Shafer 2005) with cross-validated residuals by run (Barber et al. 2021).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from hrclog.analyzers.prediction.folds import folds
+from hrclog.analyzers.segments import AgentTask
+from hrclog.analyzers.synergy.aft import aft
+from hrclog.analyzers.synergy.exposures import exposures
+from hrclog.analyzers.synergy.fit import Fit
+from hrclog.analyzers.synergy.log_work import Floats, SampledLogWork
+from hrclog.analyzers.synergy.observations import Observations
+from hrclog.analyzers.synergy.outliers import Outliers
+
+FOLDS: Final = 5
+FEWEST: Final = 19
+"""With fewer residuals, of which the 95 % quantile is none of a new draw, a task keeps what was fitted."""
+
+_SEED: Final = 0
+
+
+def conformal(fit: Fit, observations: Observations, outliers: Outliers = "none") -> Fit:
+    """Return a fit by `aft` whose models spread like residuals of runs that were held out.
+
+    Args:
+        fit: of all observations.
+        observations: what it was fitted to.
+        outliers: as for the fit.
+    """
+    residuals = held_out_residuals(observations, outliers)
+    models = dict(fit.models)
+    for key, model in fit.models.items():
+        found = residuals.get(key)
+        if found is not None and len(found) >= FEWEST:
+            models[key] = replace(model, log_work=SampledLogWork(model.log_work.center + found, conformal=True))
+    return replace(fit, models=models)
+
+
+def held_out_residuals(observations: Observations, outliers: Outliers = "none") -> dict[AgentTask, Floats]:
+    """Return log W - mu of each task's successful executions, both from a fit without their run."""
+    found: dict[AgentTask, list[Floats]] = {}
+    for held_out in folds(observations.runs, FOLDS, _SEED):
+        models = aft(observations.without(held_out), outliers).models
+        for data in exposures(observations.only(held_out)):
+            model = models.get(data.key)
+            if model is not None and data.finished.any():
+                log_work = np.log(data.work(data.log_factors(model.log_factors))[data.finished])
+                found.setdefault(data.key, []).append(log_work - model.log_work.center)
+    return {key: np.sort(np.concatenate(parts)) for key, parts in found.items()}

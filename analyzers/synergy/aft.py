@@ -1,0 +1,202 @@
+"""The default estimator: a rate model with time-varying concurrency (accelerated failure time).
+
+    W = sum over j of o_j / s_j,  log W ~ N(mu, sigma^2)
+
+per task i of agent A, with s_j the factor while task j of another agent runs, 1 while the others idle; with several
+other agents factors multiply. Everything the others do counts, whatever came of it; executions of i that did not
+succeed are censored: they would have taken longer than they did (taken as independent of how long).
+
+Fitted by maximum a posteriori, sigma by restricted maximum likelihood; standard errors from Hessian and expected
+information there, intervals Student's on the logarithm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from hrclog.analyzers.synergy.aft_likelihood import Prior, expected_information, log_posterior
+from hrclog.analyzers.synergy.exposures import Exposure, exposures
+from hrclog.analyzers.synergy.fit import Covariance, Fit, TaskModel
+from hrclog.analyzers.synergy.log_work import Floats, NormalLogWork
+from hrclog.analyzers.synergy.observations import Observations
+from hrclog.analyzers.synergy.outliers import Outliers, inliers
+from hrclog.analyzers.synergy.pairs import synergy_table
+from hrclog.analyzers.synergy.regression import mean_durations
+
+LEAST_IDLE: Final = 0.1
+"""With less of its time beside an idle other agent, work on its own is not told from work beside it."""
+
+LEAST_LEARNT: Final = 0.6
+"""A factor whose posterior deviation is more than this part of its prior's was not learnt, unless 1 is excluded."""
+
+_ROUNDS: Final = 20
+_SETTLED: Final = 1e-4
+_UNKNOWN: Final = (math.nan,) * 4
+
+
+@dataclass(frozen=True, slots=True)
+class TaskFit:
+    """The fit of one (agent, task) against P tasks of others.
+
+    Attributes:
+        data: what was fitted.
+        parameters: (mu, log sigma, log s), shape (2 + P,).
+        covariance: inverse of minus the Hessian, shape (2 + P, 2 + P).
+        mean_covariance: inverse of the expected information, shape (2 + P, 2 + P).
+        spent: degrees of freedom that mu and the factors take from sigma.
+        freedom: those that are left to it, at least 1.
+    """
+
+    data: Exposure
+    parameters: Floats
+    covariance: Floats
+    mean_covariance: Floats
+    spent: float
+    freedom: float
+
+    def deviation(self, direction: Floats) -> float:
+        """Return the standard deviation of a combination of parameters, the larger that the two covariances give.
+
+        Each alone knows too much somewhere: the Hessian leans on the shape of the noise, and the expected information
+        takes it for evidence that an execution which took longer met more. It is infinite where a covariance is none,
+        so that nothing counts as learnt.
+
+        Args:
+            direction: shape (2 + P,).
+        """
+        variances = [float(direction @ found @ direction) for found in (self.covariance, self.mean_covariance)]
+        return math.sqrt(max(variances)) if min(variances) > 0 else math.inf
+
+    @property
+    def mu(self) -> float:
+        """Return the mean of log work."""
+        return float(self.parameters[0])
+
+    @property
+    def sigma(self) -> float:
+        """Return the standard deviation of log work."""
+        return math.exp(self.parameters[1])
+
+    @property
+    def log_s(self) -> Floats:
+        """Return the log factors, shape (P,)."""
+        return self.parameters[2:]
+
+
+def aft(observations: Observations, outliers: Outliers = "none", prior: Prior | None = None) -> Fit:
+    """Estimate synergies by the rate model.
+
+    Args:
+        observations: what to learn from.
+        outliers: which executions to leave out, by their log duration; those that did not succeed stay.
+        prior: of factors and sigma.
+    """
+    prior = prior or Prior()
+    fits = [fit_task(_kept(data, outliers), prior) for data in exposures(observations) if data.finished.any()]
+    means = mean_durations(observations)
+    rows = [row for fit in fits for row in _rows(fit, means[fit.data.key], prior)]
+    return Fit(
+        synergy_table(observations.executions, observations.pairs, rows, "aft"),
+        {
+            fit.data.key: TaskModel(
+                dict(zip(fit.data.others, fit.log_s.tolist(), strict=True)), NormalLogWork(fit.mu, fit.sigma)
+            )
+            for fit in fits
+        },
+        tuple(Covariance(_names(fit.data), fit.covariance) for fit in fits),
+    )
+
+
+def fit_task(data: Exposure, prior: Prior) -> TaskFit:
+    """Fit one task.
+
+    Args:
+        data: at least one execution that succeeded.
+        prior: of factors and sigma.
+    """
+    log_durations = np.log(data.work(np.zeros(len(data.others)))[data.finished])
+    start = [log_durations.mean(), math.log(max(float(log_durations.std()), prior.sigma))]
+    parameters = np.concatenate([start, np.zeros(len(data.others))])
+    n, spent, before = int(data.finished.sum()), 1.0, math.nan
+    for _ in range(_ROUNDS):
+        if abs(spent - before) < _SETTLED:
+            break
+        parameters = _maximum(parameters, data, prior, spent)
+        covariance = _inverse(-log_posterior(parameters, data, prior, spent).hessian)
+        taken = 1 + float((1 - np.diag(covariance)[2:] / prior.tau**2).clip(0).sum())
+        # more than the data hold cannot be taken from them
+        before, spent = spent, min(taken, n + prior.freedom - 0.5)
+    mean_covariance = _inverse(expected_information(parameters, data, prior))
+    return TaskFit(data, parameters, covariance, mean_covariance, before, max(n + prior.freedom - before, 1.0))
+
+
+def _inverse(information: Floats) -> Floats:
+    inverse: Floats = np.linalg.inv(information).astype(np.float64, copy=False)
+    return inverse
+
+
+def _maximum(start: Floats, data: Exposure, prior: Prior, spent: float) -> Floats:
+    """Return where the log posterior is highest, uphill from a start."""
+    from scipy.optimize import minimize
+
+    scale = len(data.finished)
+    found = minimize(
+        lambda x: -log_posterior(x, data, prior, spent).value / scale,
+        start,
+        jac=lambda x: -log_posterior(x, data, prior, spent).gradient / scale,
+        hess=lambda x: -log_posterior(x, data, prior, spent).hessian / scale,
+        method="trust-exact",
+        options={"gtol": 1e-9},
+    )
+    result: Floats = found.x
+    return result
+
+
+def _kept(data: Exposure, outliers: Outliers) -> Exposure:
+    if outliers == "none":
+        return data
+    kept = np.ones(len(data.finished), np.bool_)
+    kept[data.finished] = inliers(np.log(data.work(np.zeros(len(data.others)))[data.finished]), outliers)
+    return data.rows(kept)
+
+
+def _names(data: Exposure) -> tuple[str | tuple[str, str, str, str], ...]:
+    return ("mu", "log_sigma", *((*data.key, *other) for other in data.others))
+
+
+def _rows(fit: TaskFit, mean_s: float, prior: Prior) -> Iterator[tuple[Any, ...]]:
+    """Yield the numbers of each row of the table; NaN where the data do not identify them."""
+    from scipy.special import stdtrit
+
+    wide = float(stdtrit(fit.freedom, 0.975))
+    for number, other in enumerate(fit.data.others):
+        direction = np.zeros(len(fit.parameters))
+        direction[2 + number] = 1.0
+        free_deviation = fit.deviation(direction)
+        direction[:2] = 1.0, fit.sigma**2  # of log mean work, mu + sigma^2 / 2
+        deviation = fit.deviation(direction)
+        log_s = float(fit.log_s[number])
+        log_synergy = fit.mu + fit.sigma**2 / 2 + log_s - math.log(mean_s)
+        # an effect that is clearly there was learnt, however uncertain its size
+        clear = abs(log_s) > wide * free_deviation
+        learnt = clear or deviation < LEAST_LEARNT * prior.tau
+        free = (
+            learnt
+            and (clear or free_deviation < LEAST_LEARNT * prior.tau)
+            and fit.data.idle_share(other[0]) >= LEAST_IDLE
+        )
+        numbers = _lognormal(log_synergy, deviation, wide) if learnt else _UNKNOWN
+        free_numbers = _lognormal(log_s, free_deviation, wide) if free else _UNKNOWN
+        yield (*fit.data.key, *other, *numbers, *free_numbers, free)
+
+
+def _lognormal(log_value: float, deviation: float, wide: float) -> tuple[float, float, float, float]:
+    """Return value, standard error and the ends of the interval."""
+    value = math.exp(log_value)
+    half = wide * deviation
+    return value, value * deviation, math.exp(log_value - half), math.exp(log_value + half)

@@ -1,0 +1,27 @@
+"""The yardstick: nobody disturbs anybody, a task takes as long as it took."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from hrclog.analyzers.overlaps import PAIR
+from hrclog.analyzers.synergy.fit import Fit
+from hrclog.analyzers.synergy.observations import Observations
+from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.pairs import synergy_table
+from hrclog.analyzers.synergy.sampled_models import sampled_models
+
+_ASSUMED: Final = (1.0, *(math.nan,) * 3)
+
+
+def mean(observations: Observations, outliers: Outliers = "none") -> Fit:  # noqa: ARG001 - an estimator's signature
+    """Assume that every factor is 1; the table says so without an error, for nothing was learnt.
+
+    Args:
+        observations: what to learn from.
+        outliers: has no effect.
+    """
+    rows = [(*key, *_ASSUMED, *_ASSUMED, True) for key in observations.pairs.select(PAIR).unique().sort(PAIR).rows()]
+    table = synergy_table(observations.executions, observations.pairs, rows, "mean")
+    return Fit(table, sampled_models(observations, table))

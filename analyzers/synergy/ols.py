@@ -1,0 +1,57 @@
+"""The published regression by ordinary least squares: `ols` as the authors' code has it, `paper` as it is printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from hrclog.analyzers.synergy.fit import Covariance, Fit
+from hrclog.analyzers.synergy.least_squares import LeastSquares, fit
+from hrclog.analyzers.synergy.observations import Observations
+from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.pairs import synergy_table
+from hrclog.analyzers.synergy.regression import Regression, concurrent_shares, own_shares
+from hrclog.analyzers.synergy.sampled_models import sampled_models
+
+_NOT_KNOWN: Final = (math.nan,) * 4
+
+
+def ols(observations: Observations, outliers: Outliers = "none") -> Fit:
+    """Estimate synergies as the paper's authors' code does.
+
+    Args:
+        observations: what to learn from; executions that did not succeed take no part.
+        outliers: which rows of each regression to leave out.
+    """
+    return _estimate("ols", observations, concurrent_shares(observations, outliers))
+
+
+def paper(observations: Observations, outliers: Outliers = "none") -> Fit:
+    """Estimate synergies as the paper prints it.
+
+    Args:
+        observations: what to learn from; executions that did not succeed take no part.
+        outliers: which rows of each regression to leave out.
+    """
+    return _estimate("paper", observations, own_shares(observations, outliers))
+
+
+def _estimate(name: str, observations: Observations, regressions: Iterable[Regression]) -> Fit:
+    from threadpoolctl import threadpool_limits
+
+    # many small problems: threads make each slower, and its last digits depend on their number
+    with threadpool_limits(1, "blas"):
+        solved = [(regression, fit(regression.x, regression.y)) for regression in regressions]
+    rows = [row for regression, result in solved for row in _rows(regression, result)]
+    table = synergy_table(observations.executions, observations.pairs, rows, name)
+    covariances = tuple(Covariance(regression.keys, result.covariance) for regression, result in solved)
+    return Fit(table, sampled_models(observations, table), covariances)
+
+
+def _rows(regression: Regression, result: LeastSquares) -> Iterator[tuple[Any, ...]]:
+    numbers = np.stack([result.coefficients, result.std_errors, result.low, result.high], axis=1).tolist()
+    for key, values, identified in zip(regression.keys, numbers, result.identified.tolist(), strict=True):
+        yield (*key, *values, *_NOT_KNOWN, identified)

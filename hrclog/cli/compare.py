@@ -1,0 +1,209 @@
+"""`hrclog compare`: two sets of runs and how they differ."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from hrclog.cli.common import Progress, bootstrap_options, json_option, number, printable, table, tell
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.compare import Comparison, Side
+    from hrclog.analyzers.synergy.outliers import Outliers
+
+JSON_NAME: Final = "compare.json"
+
+_MOST_ROWS: Final = 40
+
+Row = dict[str, Any]
+
+
+@click.command(name="compare")
+@click.argument("sides", nargs=-1, required=True, metavar="A B", type=click.Path())
+@click.option("-o", "--output", type=click.Path(path_type=Path), help=f"Folder for {JSON_NAME}.  [default: none]")
+@click.option(
+    "--estimator",
+    type=click.Choice(["aft", "bayes", "ols", "paper"]),
+    default="aft",
+    show_default=True,
+    help="How synergies are estimated.",
+)
+@click.option(
+    "--outliers",
+    type=click.Choice(["none", "isolation-forest"]),
+    default="none",
+    show_default=True,
+    help="Which executions an estimator leaves out.",
+)
+@bootstrap_options(200)
+@json_option
+def command(
+    sides: tuple[str, ...],
+    output: Path | None,
+    estimator: str,
+    outliers: str,
+    bootstrap: int,
+    seed: int,
+    workers: int,
+    as_json: bool,  # noqa: FBT001 - click passes flags by name
+) -> int:
+    """Compare two sets of runs: planners, days, safety settings.
+
+    A and B are each a log, a folder of logs or a glob in quotes. Differences are B - A, ratios B / A, with 95 %
+    intervals from whole runs drawn with repetition. The columns are described in docs/compare.md.
+
+    \b
+    Example:
+      hrclog compare 'runs/baseline_*.mcap' 'runs/synergistic_*.mcap'
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.analysis import analyze
+    from hrclog.analyzers.compare import compare
+    from hrclog.analyzers.output import check_writable
+
+    if len(sides) != 2:
+        raise click.UsageError(f"found {len(sides)} arguments, expected A and B; put a glob in quotes: 'runs/a_*.mcap'")
+    if output is not None:
+        check_writable(output)
+    kept: Outliers = "isolation-forest" if outliers == "isolation-forest" else "none"
+    reading = Progress("reading logs")
+    a, b = (analyze(side, estimator, kept, reading) for side in sides)
+    reading.done()
+    drawing = Progress("drawing runs anew", 2 * bootstrap)
+    comparison = compare(a, b, bootstrap=bootstrap, seed=seed, workers=workers, on_draws=drawing.advance)
+    drawing.done()
+    if output is not None:
+        _save(comparison, output)
+    click.echo(comparison.to_json() if as_json else _summary(comparison, sides, (a, b)))
+    return tell(comparison.diagnostics)
+
+
+def _save(comparison: Comparison, folder: Path) -> None:
+    from hrclog.errors import OutputError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / JSON_NAME).write_text(comparison.to_json() + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
+
+
+def _summary(comparison: Comparison, names: tuple[str, ...], analyses: tuple[Analysis, Analysis]) -> str:
+    sides = (comparison.a, comparison.b)
+    told = zip("AB", names, sides, analyses, strict=True)
+    others = comparison.metrics.filter(comparison.metrics["metric"] != "makespan_s")
+    rates = comparison.success_rates
+    parts = [
+        "\n".join([*(_side(*one) for one in told), *_makespan(comparison.metrics)]),
+        "\n".join(comparison.notes),
+        _means("Metrics per run (fractions of the makespan, *_s in seconds; docs/metrics.md)", others, "of", 3),
+        _means("Durations in s (of executions that succeeded)", comparison.durations, "task"),
+        # a task that never failed has nothing to tell
+        _means("Success rates", rates.filter((rates["mean_a"] < 1) | (rates["mean_b"] < 1)), "task"),
+        _means("Plan and reality in s", comparison.plan, "agent"),
+        _synergies(comparison),
+        _caution(comparison),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _side(letter: str, name: str, side: Side, analysis: Analysis) -> str:
+    executions = analysis.runs["n_executions"].sum()
+    agents = ", ".join(side.agents)
+    return printable(f"{letter}: {name}: {len(side.run_ids)} runs, {executions} executions, agents: {agents}")
+
+
+def _makespan(metrics: pl.DataFrame) -> list[str]:
+    return [
+        f"makespan {number(row['mean_a'], 1)} s in A, {number(row['mean_b'], 1)} s in B: "
+        f"{_signed(row['difference'], 1)} s, interval {_interval(row, _signed, 1)}, {_percent(row['relative'])}"
+        for row in metrics.filter(metrics["metric"] == "makespan_s").iter_rows(named=True)
+    ]
+
+
+def _means(title: str, frame: pl.DataFrame, second: str, digits: int = 2) -> str:
+    if frame.is_empty():
+        return ""
+    first = frame.columns[0]
+    rows = [
+        (
+            row[first],
+            row[frame.columns[1]],
+            number(row["mean_a"], digits),
+            number(row["mean_b"], digits),
+            _signed(row["difference"], digits),
+            _interval(row, _signed, digits),
+            _flag(row["differs"]),
+            str(row["n_a"]),
+            str(row["n_b"]),
+        )
+        for row in frame.head(_MOST_ROWS).iter_rows(named=True)
+    ]
+    header = (first, second, "A", "B", "B - A", "95 % interval", "differs", "n A", "n B")
+    return f"{title}\n{table(header, rows, lambda i: i > 1)}{_more(frame.height)}"
+
+
+def _synergies(comparison: Comparison) -> str:
+    frame = comparison.synergies
+    both = frame.filter((frame["n_a"] > 0) & (frame["n_b"] > 0))
+    if frame.is_empty():
+        return ""
+    rows = [
+        (
+            f"{row['agent']}: {row['task']}",
+            f"{row['other_agent']}: {row['other_task']}",
+            number(row["synergy_a"]),
+            number(row["synergy_b"]),
+            number(row["ratio"]),
+            _interval(row, number),
+            _flag(row["differs"]),
+            str(row["n_a"]),
+            str(row["n_b"]),
+            row["status_a"] if row["status_a"] == row["status_b"] else f"{row['status_a']} | {row['status_b']}",
+        )
+        for row in both.head(_MOST_ROWS).iter_rows(named=True)
+    ]
+    title = (
+        f"Synergies by {comparison.estimator}: factor on a task's mean duration of its side while another's task runs"
+    )
+    header = ("task", "while", "A", "B", "B / A", "95 % interval", "differs", "n A", "n B", "status")
+    shown = f"\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_more(both.height)}" if rows else ""
+    missing = frame.height - both.height
+    note = f"\n{missing} pairs of tasks overlapped on one side or none: nothing to compare" if missing else ""
+    return f"{title}{shown}{note}"
+
+
+def _caution(comparison: Comparison) -> str:
+    if not comparison.compared:
+        return ""
+    return (
+        f"{comparison.compared} intervals were looked at, {comparison.differing} of them exclude no difference; about "
+        f"{comparison.compared / 20:.0f} would by chance alone (one in twenty).\n"
+        "What else differs between A and B than what you ask about (day, people, plans) is in these numbers too."
+    )
+
+
+def _interval(row: Row, told: Callable[[float | None, int], str], digits: int = 2) -> str:
+    return "n/a" if row["ci_low"] is None else f"[{told(row['ci_low'], digits)}, {told(row['ci_high'], digits)}]"
+
+
+def _signed(value: float | None, digits: int) -> str:
+    # what rounds to zero is not shown as -0
+    return "n/a" if value is None else f"{round(value, digits) + 0.0:+.{digits}f}"
+
+
+def _percent(value: float | None) -> str:
+    return "n/a" if value is None else f"{100 * value:+.1f} %"
+
+
+def _flag(differs: bool | None) -> str:  # noqa: FBT001 - the only argument
+    return "n/a" if differs is None else "yes" if differs else "no"
+
+
+def _more(height: int) -> str:
+    return f"\n... and {height - _MOST_ROWS} more rows, see --json" if height > _MOST_ROWS else ""

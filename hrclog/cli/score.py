@@ -1,0 +1,176 @@
+"""`hrclog score`: how well estimators predict what they have not seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hrclog.cli.common import Progress, json_option, tell
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from hrclog.analyzers.prediction.settings import Predictions
+    from hrclog.analyzers.score import Score
+    from hrclog.analyzers.synergy.outliers import Outliers
+    from hrclog.diagnostic import Diagnostic
+
+
+@click.command(name="score")
+@click.argument("logs", nargs=-1, metavar="[LOG...]", type=click.Path())
+@click.option(
+    "--cv", type=click.IntRange(min=2), metavar="FOLDS", help="Predict each fold of runs from the others. [default: 5]"
+)
+@click.option("--train", multiple=True, metavar="LOG", type=click.Path(), help="Log or folder to learn from; repeat.")
+@click.option("--test", multiple=True, metavar="LOG", type=click.Path(), help="Log or folder to predict; repeat.")
+@click.option("--static", is_flag=True, help="Do not learn from test runs that have ended.")
+@click.option(
+    "--transfer-deviation",
+    type=click.FloatRange(min=0),
+    default=0.0,
+    help="With --static: standard deviation of log durations between sessions, if you know it.",
+)
+@click.option("--truth", type=click.Path(path_type=Path), help="truth.json of simulated runs, to compare with.")
+@click.option(
+    "--estimator",
+    "estimators",
+    multiple=True,
+    type=click.Choice(["aft", "bayes", "ols", "paper", "mean"]),
+    help="Which to score; repeat.  [default: all]",
+)
+@click.option(
+    "--outliers",
+    type=click.Choice(["none", "isolation-forest"]),
+    default="none",
+    show_default=True,
+    help="Which executions an estimator leaves out.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the folds.")
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for score.json and all forecasts.")
+@json_option
+def command(
+    logs: tuple[str, ...],
+    cv: int | None,
+    train: tuple[str, ...],
+    test: tuple[str, ...],
+    static: bool,  # noqa: FBT001 - click passes flags by name
+    transfer_deviation: float,
+    truth: Path | None,
+    estimators: tuple[str, ...],
+    outliers: str,
+    seed: int,
+    output: Path | None,
+    as_json: bool,  # noqa: FBT001 - click passes flags by name
+) -> int:
+    """Say how well estimators predict durations and makespans they have not seen.
+
+    Either LOG..., with folds by run (--cv), or --train and --test: test runs in time order, each predicted from the
+    training runs and the test runs before it.
+
+    \b
+    Example:
+      hrclog score --cv 5 runs/*.mcap
+      hrclog score --train monday --test tuesday
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.prediction.settings import SCORED, cross_validate, predict_prequential, predict_static
+    from hrclog.analyzers.score import score
+    from hrclog.cli.score_text import score_text
+
+    _check_usage(logs, cv, train, test, static=static, transfer_deviation=transfer_deviation)
+    if output:
+        from hrclog.analyzers.output import check_writable
+
+        check_writable(output)
+    kept: Outliers = "isolation-forest" if outliers == "isolation-forest" else "none"
+    names = tuple(dict.fromkeys(estimators)) or tuple(SCORED)
+    true = _true_pairs(truth) if truth else None
+    known, findings = _read(logs or train)
+    predicting = Progress("predicting", len(names) * ((cv or 5) if logs else 1))
+    predictions: Predictions
+    if logs:
+        predictions = cross_validate(known, cv or 5, seed, names, kept, predicting)
+    else:
+        tested, more = _read(test)
+        findings += more
+        if static:
+            predictions = predict_static(known, tested, names, kept, transfer_deviation, predicting)
+        else:
+            predictions = predict_prequential(known, tested, names, kept, predicting)
+    predicting.done()
+    found = score(predictions)
+    if true is not None:
+        found = replace(found, truth=_against_truth(known, true, names, kept))
+    if output:
+        _save(found, predictions, output)
+    click.echo(found.to_json() if as_json else score_text(found))
+    return tell(findings)
+
+
+def _check_usage(
+    logs: tuple[str, ...],
+    cv: int | None,
+    train: tuple[str, ...],
+    test: tuple[str, ...],
+    *,
+    static: bool,
+    transfer_deviation: float,
+) -> None:
+    if bool(logs) == bool(train or test):
+        raise click.UsageError("expected either LOG... or both --train and --test")
+    if bool(train) != bool(test):
+        raise click.UsageError("expected --train and --test together")
+    if logs and static:
+        raise click.UsageError("--static goes with --train and --test")
+    if train and cv:
+        raise click.UsageError("--cv goes with LOG..., not with --train and --test")
+    if transfer_deviation and not static:
+        raise click.UsageError("--transfer-deviation goes with --static")
+
+
+def _read(paths: tuple[str, ...]) -> tuple[pl.DataFrame, list[Diagnostic]]:
+    from hrclog.analyzers.intervals import rebuild
+    from hrclog.log.reader import read_logs
+
+    reading = Progress("reading logs")
+    read = read_logs(paths, on_file=reading)
+    reading.done()
+    intervals, illegal = rebuild(read.events)
+    return intervals, [*read.diagnostics, *illegal]
+
+
+def _true_pairs(path: Path) -> pl.DataFrame:
+    from hrclog.analyzers.score_truth import true_pairs
+    from hrclog.sim.truth import read_truth
+
+    known = read_truth(path)
+    return true_pairs(
+        [(row.agent, row.task, row.mu, row.sigma) for row in known.tasks],
+        [(row.agent, row.task, row.other_agent, row.other_task, row.synergy) for row in known.synergies],
+    )
+
+
+def _against_truth(
+    intervals: pl.DataFrame, truth: pl.DataFrame, names: tuple[str, ...], outliers: Outliers
+) -> dict[str, dict[str, Any]]:
+    from hrclog.analyzers.prediction.settings import SCORED
+    from hrclog.analyzers.score_truth import pair_errors, truth_figures
+    from hrclog.analyzers.synergy.observations import observe
+
+    observations = observe(intervals)
+    fits = {name: SCORED[name](observations, outliers) for name in names}
+    return {name: truth_figures(pair_errors(fit, observations, truth)) for name, fit in fits.items()}
+
+
+def _save(found: Score, predictions: Predictions, folder: Path) -> None:
+    from hrclog.errors import OutputError
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        predictions.executions.write_parquet(folder / "forecasts.parquet")
+        predictions.makespans.write_parquet(folder / "makespans.parquet")
+        (folder / "score.json").write_text(found.to_json() + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(folder, f"cannot be written ({error.strerror or error})") from error
