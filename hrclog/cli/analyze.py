@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hrclog.cli.common import Progress, bootstrap_options, json_option, logs_argument, tell
+from hrclog.cli.common import (
+    Progress,
+    bootstrap_options,
+    estimator_option,
+    json_option,
+    logs_argument,
+    outliers_option,
+    tell,
+)
 
 if TYPE_CHECKING:
     from hrclog.analyzers.analysis import Analysis
@@ -25,20 +33,8 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help="Folder for the results.",
 )
-@click.option(
-    "--estimator",
-    type=click.Choice(["aft", "bayes", "ols", "paper"]),
-    default="aft",
-    show_default=True,
-    help="How synergies are estimated.",
-)
-@click.option(
-    "--outliers",
-    type=click.Choice(["none", "isolation-forest"]),
-    default="none",
-    show_default=True,
-    help="Which executions an estimator leaves out.",
-)
+@estimator_option
+@outliers_option
 @bootstrap_options(0)
 @json_option
 def command(

@@ -30,6 +30,21 @@ _WIDEST_CELL: Final = 80
 logs_argument = click.argument("logs", nargs=-1, required=True, metavar="LOG...", type=click.Path())
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
 
+estimator_option = click.option(
+    "--estimator",
+    type=click.Choice(["aft", "bayes", "ols", "paper"]),
+    default="aft",
+    show_default=True,
+    help="How synergies are estimated.",
+)
+outliers_option = click.option(
+    "--outliers",
+    type=click.Choice(["none", "isolation-forest"]),
+    default="none",
+    show_default=True,
+    help="Which executions an estimator leaves out.",
+)
+
 
 def _enough_draws(_context: click.Context, _parameter: click.Parameter, value: int) -> int:
     if 0 < value < FEWEST_DRAWS:

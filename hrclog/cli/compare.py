@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from hrclog.cli.common import Progress, bootstrap_options, json_option, number, printable, table, tell
+from hrclog.cli.common import (
+    Progress,
+    bootstrap_options,
+    estimator_option,
+    json_option,
+    number,
+    outliers_option,
+    printable,
+    table,
+    tell,
+)
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,20 +37,8 @@ Row = dict[str, Any]
 @click.command(name="compare")
 @click.argument("sides", nargs=-1, required=True, metavar="A B", type=click.Path())
 @click.option("-o", "--output", type=click.Path(path_type=Path), help=f"Folder for {JSON_NAME}.  [default: none]")
-@click.option(
-    "--estimator",
-    type=click.Choice(["aft", "bayes", "ols", "paper"]),
-    default="aft",
-    show_default=True,
-    help="How synergies are estimated.",
-)
-@click.option(
-    "--outliers",
-    type=click.Choice(["none", "isolation-forest"]),
-    default="none",
-    show_default=True,
-    help="Which executions an estimator leaves out.",
-)
+@estimator_option
+@outliers_option
 @bootstrap_options(200)
 @json_option
 def command(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hrclog.cli.common import Progress, json_option, tell
+from hrclog.cli.common import Progress, json_option, outliers_option, tell
 
 if TYPE_CHECKING:
     import polars as pl
@@ -41,13 +41,7 @@ if TYPE_CHECKING:
     type=click.Choice(["aft", "bayes", "ols", "paper", "mean"]),
     help="Which to score; repeat.  [default: all]",
 )
-@click.option(
-    "--outliers",
-    type=click.Choice(["none", "isolation-forest"]),
-    default="none",
-    show_default=True,
-    help="Which executions an estimator leaves out.",
-)
+@outliers_option
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the folds.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for score.json and all forecasts.")
 @json_option
