@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,6 +25,7 @@ from hrclog.analyzers.synergy.outliers import Outliers
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
 from hrclog.log.reader import Logs, read_logs
+from hrclog.log.recorded_scene import RecordedScene
 
 SCHEMA_VERSION: Final = 1
 DEFAULT_ESTIMATOR: Final = next(iter(ESTIMATORS))
@@ -49,6 +50,7 @@ class Analysis:
     bootstrap: int  # draws of runs that errors and intervals of synergies come from; 0 if they are the estimator's
     observations: Observations
     fit: Fit
+    scene: RecordedScene = field(default_factory=RecordedScene)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""
@@ -81,13 +83,14 @@ class Analysis:
         save_campaign(figures, Path(path))
 
     def run_to_rerun(self, run_id: str, path: str | Path) -> None:
-        """Write one run's recording: its timeline, safety, signals and events, laid out."""
+        """Write one run's recording: its cell, timeline, safety, signals and events, laid out."""
         from hrclog.analyzers.figures import run_figures
         from hrclog.analyzers.rerun import save_run
 
         run = self.runs.row(by_predicate=pl.col("run_id") == run_id, named=True)
-        of_run = (frame.filter(pl.col("run_id") == run_id) for frame in (self.intervals, self.events, self.signals))
-        save_run(run_figures(run, *of_run), Path(path))
+        frames = (self.intervals, self.events, self.signals)
+        intervals, events, signals = (frame.filter(pl.col("run_id") == run_id) for frame in frames)
+        save_run(run_figures(run, intervals, events, signals, self.scene.of_run(run_id)), Path(path))
 
 
 def analyze(
@@ -165,6 +168,7 @@ def analyze_logs(
         bootstrap=bootstrap,
         observations=observations,
         fit=fit,
+        scene=logs.scene,
     )
 
 

@@ -1,6 +1,6 @@
-"""The Rerun back end: recordings that open laid out. With `rerun_layout` and `rerun_recording` all that knows Rerun.
+"""The Rerun back end: recordings that open laid out. With the other `rerun_*` modules all that knows Rerun.
 
-Entities of a run are under /timeline (a lane per agent), /signals, /events, /tasks and /about, on the timeline
+Entities of a run are under /timeline (a lane per agent), /signals, /events, /tasks, /cell and /about, on the timeline
 `run_time` (since the run's first event); those of a campaign under /synergy, /coefficients, /overlap, /durations,
 /tables and /about, mostly static. Everything that happens in time is sent as columns, never as one call per event.
 """
@@ -29,8 +29,9 @@ from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.series import Series
 from hrclog.analyzers.figures.table import DataTable, markdown
 from hrclog.analyzers.figures.text import printable, shorten
-from hrclog.analyzers.rerun_layout import MAX_MARKDOWN_ROWS, TIMELINE, campaign_blueprint, run_blueprint
-from hrclog.analyzers.rerun_recording import entity, freed_recordings, recording
+from hrclog.analyzers.rerun_cell import send_cell
+from hrclog.analyzers.rerun_layout import MAX_MARKDOWN_ROWS, campaign_blueprint, run_blueprint
+from hrclog.analyzers.rerun_recording import entity, freed_recordings, recording, times
 
 RUN_APPLICATION: Final = "hrclog"
 CAMPAIGN_APPLICATION: Final = "hrclog-campaign"
@@ -53,9 +54,10 @@ def save_run(figures: RunFigures, path: Path | str) -> None:
             _send_series(rec, series)
         _send_events(rec, figures)
         if figures.tasks.times_ns is not None:
-            _send_rows(rec, "/tasks/rows", _times(figures.tasks.times_ns), figures.tasks.frame)
+            _send_rows(rec, "/tasks/rows", times(figures.tasks.times_ns), figures.tasks.frame)
         _send_text(rec, "/tasks/text", markdown(figures.tasks, MAX_MARKDOWN_ROWS))
-        _send_text(rec, "/about", about_run(figures))
+        left_out = send_cell(rec, figures.cell) if figures.cell is not None else []
+        _send_text(rec, "/about", about_run(figures, left_out))
 
 
 @freed_recordings()
@@ -122,22 +124,24 @@ def _send_lane(rec: rr.RecordingStream, lane: Lane) -> None:
     colors = {bar.label: bar.color for bar in lane.bars}
     style = rr.StateConfiguration(values=list(colors), labels=list(colors), colors=_rgba(colors.values()))
     rec.log(path, style, static=True, strict=True)
-    rec.send_columns(path, [_times(instants)], rr.StateChange.columns(state=states), strict=True)
+    rec.send_columns(path, [times(instants)], rr.StateChange.columns(state=states), strict=True)
 
 
 def _send_series(rec: rr.RecordingStream, series: Series) -> None:
     path = entity("signals", series.group, series.name)
     mode = rr.components.InterpolationMode.StepAfter if series.step else rr.components.InterpolationMode.Linear
-    style = rr.SeriesLines(names=[shorten(series.name, 60)], interpolation_mode=mode)
+    # what is held until the next sample must not be averaged with it: the mean would be held too
+    whole = rr.components.AggregationPolicy.Off if series.step else None
+    style = rr.SeriesLines(names=[shorten(series.name, 60)], interpolation_mode=mode, aggregation_policy=whole)
     rec.log(path, style, static=True, strict=True)
-    rec.send_columns(path, [_times(series.times_ns)], rr.Scalars.columns(scalars=series.values), strict=True)
+    rec.send_columns(path, [times(series.times_ns)], rr.Scalars.columns(scalars=series.values), strict=True)
 
 
 def _send_events(rec: rr.RecordingStream, figures: RunFigures) -> None:
     lines = figures.events
     if lines.texts:
         columns = rr.TextLog.columns(text=lines.texts, level=lines.levels)
-        rec.send_columns("/events", [_times(lines.times_ns)], columns, strict=True)
+        rec.send_columns("/events", [times(lines.times_ns)], columns, strict=True)
 
 
 def _send_table(rec: rr.RecordingStream, table: DataTable) -> None:
@@ -181,10 +185,6 @@ def _send_canvas(rec: rr.RecordingStream, path: str, canvas: Canvas) -> None:
 
 def _send_text(rec: rr.RecordingStream, path: str, text: str) -> None:
     rec.log(path, rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
-
-
-def _times(ns: Iterable[int]) -> rr.TimeColumn:
-    return rr.TimeColumn(TIMELINE, duration=np.asarray(ns, np.int64).astype("timedelta64[ns]"))
 
 
 def _rgba(colors: Iterable[Color]) -> np.typing.NDArray[np.uint8]:

@@ -17,9 +17,9 @@ from hrclog.analyzers.figures.palette import CARD
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.figures.text import shorten
-from hrclog.analyzers.rerun_recording import Layout, entity
+from hrclog.analyzers.rerun_cell import cell_view
+from hrclog.analyzers.rerun_recording import TIMELINE, Layout, entity
 
-TIMELINE: Final = "run_time"
 MAX_MARKDOWN_ROWS: Final = 100
 
 
@@ -36,10 +36,14 @@ def run_blueprint(figures: RunFigures) -> Layout:
     timeline = rrb.StateTimelineView(origin="/timeline", name="Timeline", time_view=_time_axis(figures.gantt))
     heights = [_timeline_height(figures.gantt), *[_SERIES_HEIGHT] * len(lines), _BELOW_HEIGHT]
     panel = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
-    return _blueprint(rrb.Vertical(timeline, *lines, below, row_shares=heights), panel)
+    rows = rrb.Vertical(timeline, *lines, below, row_shares=heights)
+    if figures.cell is None:
+        return _blueprint(rows, panel)
+    return _blueprint(rrb.Horizontal(cell_view(figures.cell), rows, column_shares=_CELL_SHARES), panel)
 
 
 _SERIES_ROWS: Final = 2
+_CELL_SHARES: Final = (2, 3)
 # shares of the window's height, thought of as px in a window of about 1000
 _SERIES_HEIGHT: Final = 130
 _BELOW_HEIGHT: Final = 270

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -18,6 +20,9 @@ except ImportError:  # it is not public
 
     def _free() -> None:
         """Leave the threads and the memory of each recording until the process ends."""
+
+
+TIMELINE: Final = "run_time"
 
 
 class Layout(rrb.Blueprint):
@@ -84,6 +89,11 @@ def entity(*parts: str) -> str:
     # Rerun 0.41 reads an escaped backslash before the next "/" as an escaped slash, and would join two parts
     whole = [part + "_" if part.endswith("\\") else part or UNNAMED for part in parts]
     return rr.new_entity_path(whole)
+
+
+def times(ns: Iterable[int]) -> rr.TimeColumn:
+    """Return instants of a run's timeline, ns since its first event."""
+    return rr.TimeColumn(TIMELINE, duration=np.asarray(ns, np.int64).astype("timedelta64[ns]"))
 
 
 def _write(path: Path, data: bytes) -> None:

@@ -30,13 +30,15 @@ TRUE_PAIRS: Final = pl.Schema(dict.fromkeys(PAIR, pl.String()) | {"s": pl.Float6
 
 
 def true_pairs(
-    tasks: Iterable[tuple[str, str, float, float]], factors: Iterable[tuple[str, str, str, str, float | None]]
+    tasks: Iterable[tuple[str, str, float | None, float | None]],
+    factors: Iterable[tuple[str, str, str, str, float | None]],
 ) -> pl.DataFrame:
     """Lay out a truth.
 
     Args:
-        tasks: agent, task, mu and sigma of log work in seconds.
-        factors: agent, task, other agent, other task, s; pairs with None (a full stop) are left out.
+        tasks: agent, task, mu and sigma of log work in seconds; None for tasks whose work nobody has seen.
+        factors: agent, task, other agent, other task, s; pairs with None (a full stop, or not seen) are left out, like
+            those of a task without its work.
 
     Returns:
         A frame of schema `TRUE_PAIRS`.
@@ -44,7 +46,7 @@ def true_pairs(
     Raises:
         HrclogError: a factor is of a task that is not among the tasks.
     """
-    work_s = {(agent, task): math.exp(mu + sigma**2 / 2) for agent, task, mu, sigma in tasks}
+    work_s = {(agent, task): _mean_work_s(mu, sigma) for agent, task, mu, sigma in tasks}
     factors = list(factors)
     unknown = [(agent, task) for agent, task, *_ in factors if (agent, task) not in work_s]
     if unknown:
@@ -54,9 +56,9 @@ def true_pairs(
             " was written beside the logs, unchanged"
         )
     rows = [
-        (agent, task, other, other_task, s, work_s[agent, task] * s)
+        (agent, task, other, other_task, s, alone_s * s)
         for agent, task, other, other_task, s in factors
-        if s is not None
+        if s is not None and (alone_s := work_s[agent, task]) is not None
     ]
     return pl.DataFrame(rows, schema=TRUE_PAIRS, orient="row")
 
@@ -111,6 +113,10 @@ def truth_figures(errors: pl.DataFrame) -> dict[str, Any]:
         for kind in ("beside", "free")
         for name, rows in (("", errors), ("_strong", strong))
     }
+
+
+def _mean_work_s(mu: float | None, sigma: float | None) -> float | None:
+    return None if mu is None or sigma is None else math.exp(mu + sigma**2 / 2)
 
 
 def _errors(table: pl.DataFrame, kind: str, scale: pl.Expr, value: str, low: str, high: str) -> pl.DataFrame:

@@ -37,6 +37,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "newer_schema": ("warning", "an event was written by a newer version; the fields known here were read"),
     "non_finite_value": ("warning", "a number was NaN or infinite and counts as unset"),
     "invalid_value": ("warning", "a value outside its range or vocabulary counts as unset"),
+    "invalid_scene": ("warning", "a part of a recorded scene is not what it should be, and is not drawn"),
     "open_execution": ("warning", "an execution was still open when the log ended; it is counted as censored"),
     "self_overlap": ("warning", "an agent overlaps itself (two arms, or two people under one name)"),
     "zero_duration": ("warning", "an execution ended in the instant in which it started"),

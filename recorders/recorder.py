@@ -25,7 +25,7 @@ from hrclog.events import (
     TaskStarted,
 )
 from hrclog.ids import new_id
-from hrclog.log.encode import FloatSignal, JointSignal
+from hrclog.log.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal
 from hrclog.recorders.event_recorder import EventRecorder, steady_clock
 from hrclog.recorders.segments import first_segment, next_segment
 from hrclog.recorders.task_handle import NOW, TaskHandle, as_details, instant
@@ -240,6 +240,38 @@ class Recorder(EventRecorder):
         """Record an agent's joint positions, rad or m."""
         self._sample(JointSignal(self.run_id, agent, instant(time_ns), tuple(names), tuple(map(_number, positions))))
 
+    def describe(self, agent: str, urdf: str, *, time_ns: int | None = None) -> None:
+        """Record what an agent looks like: the text of a URDF, once per run, with the joints' names of `joints`."""
+        self._sample(DescriptionSignal(self.run_id, agent, instant(time_ns), urdf))
+
+    def scene(self, scene: Mapping[str, Any], *, time_ns: int | None = None) -> None:
+        """Record what stands in the cell, once per run; what it may hold is in docs/log-format.md."""
+        self._sample(SceneSignal(self.run_id, instant(time_ns), scene))
+
+    def pose(
+        self,
+        name: str,
+        position: Sequence[float],
+        quaternion: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
+        *,
+        time_ns: int | None = None,
+    ) -> None:
+        """Record where an object of the scene is; only while it moves.
+
+        Args:
+            name: of the object.
+            position: of its centre in the world, m, shape (3,).
+            quaternion: its rotation, x, y, z, w, shape (4,).
+            time_ns: when.
+
+        Raises:
+            InvalidEventError: a field cannot be written.
+            LogWriteError: the disk did not take it.
+        """
+        x, y, z = _numbers("position", position, 3)
+        qx, qy, qz, qw = _numbers("quaternion", quaternion, 4)
+        self._sample(PoseSignal(self.run_id, name, instant(time_ns), (x, y, z), (qx, qy, qz, qw)))
+
     def annotate(self, text: str, execution: TaskHandle | str = "") -> None:
         """Record a remark on the run, or on one execution; a correction is a remark too, nothing is ever edited."""
         remark = AnnotationAdded(time_ns=NOW, reason=text)
@@ -288,6 +320,12 @@ def _number(value: float) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidEventError(f"found {value!r}, expected a number") from error
+
+
+def _numbers(what: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    if len(values) != count:
+        raise InvalidEventError(f"pose: found a {what} of {len(values)} numbers, expected {count}")
+    return tuple(map(_number, values))
 
 
 def _outcome_of(error: BaseException | None) -> tuple[str, str]:

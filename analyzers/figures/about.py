@@ -16,6 +16,9 @@ _RUN_LEGEND: Final = (
     "Gaps are idle time. A second lane of an agent holds what it did at the same time.",
     "Overlap so far: the time in which both agents have been busy at once.",
 )
+_CELL_LEGEND: Final = (
+    "Cell: a floor area is grey, and lit orange or vermilion while the robot is slowed down or stopped because of it.",
+)
 _CAMPAIGN_LEGEND: Final = (
     "Synergy: factor on a task's duration while another agent is at one of its own; above 1 it takes longer.",
     "Coefficients: the synergies again, with their 95 % intervals, largest first.",
@@ -24,9 +27,10 @@ _CAMPAIGN_LEGEND: Final = (
 )
 
 
-def about_run(figures: RunFigures) -> str:
-    """Return the markdown page of a run."""
-    return _page(figures.name, _table(figures.facts), _RUN_LEGEND, figures.captions)
+def about_run(figures: RunFigures, left_out: Sequence[str] = ()) -> str:
+    """Return the markdown page of a run; `left_out` is what the back end could not draw."""
+    legend = _RUN_LEGEND if figures.cell is None else (*_RUN_LEGEND, *_CELL_LEGEND)
+    return _page(figures.name, _table(figures.facts), legend, [*figures.captions, *left_out])
 
 
 def about_campaign(figures: CampaignFigures) -> str:

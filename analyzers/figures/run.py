@@ -8,10 +8,12 @@ from typing import Any, Final
 
 import polars as pl
 
+from hrclog.analyzers.figures.cell import CellFigure, cell_figure
 from hrclog.analyzers.figures.events import EventLines, event_lines, pauses, safety_lanes
 from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, limited
 from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales
 from hrclog.analyzers.figures.table import DataTable
+from hrclog.log.recorded_scene import RunScene
 
 _KINDS: Final = {"done": 0, "planned": 1, "safety": 2}
 
@@ -29,10 +31,15 @@ class RunFigures:
     events: EventLines
     tasks: DataTable
     captions: tuple[str, ...] = ()
+    cell: CellFigure | None = None
 
 
 def run_figures(
-    run: Mapping[str, Any], intervals: pl.DataFrame, events: pl.DataFrame, signals: pl.DataFrame
+    run: Mapping[str, Any],
+    intervals: pl.DataFrame,
+    events: pl.DataFrame,
+    signals: pl.DataFrame,
+    scene: RunScene | None = None,
 ) -> RunFigures:
     """Return the figures of a run.
 
@@ -41,24 +48,30 @@ def run_figures(
         intervals: its executions, schema `INTERVALS`.
         events: its flat events, columns of `hrclog.events.COLUMNS`.
         signals: its samples, schema `SIGNALS`.
+        scene: what was recorded of its cell.
     """
     origin, end = _span(run, intervals, events, signals)
     lanes, captions = limited(_lanes(intervals, events, origin, end))
-    signal_lines, left_out = signal_series(signals, origin)
+    signal_lines, left_out = signal_series(signals, origin, scene.descriptions if scene is not None else ())
     overlap_lines, pairs_left_out = overlaps_so_far(intervals, origin)
     lines = event_lines(events, origin)
     starts = [bar.start_ns for lane in lanes for bar in lane.bars]
     ends = [bar.end_ns for lane in lanes for bar in lane.bars]
+    gantt = Gantt(lanes, min([0, *starts]), max([end - origin, *ends]))
+    cell = cell_figure(scene, events, signals, origin, gantt.start_ns) if scene is not None else None
+    series = [*speed_scales(events, origin, end), *signal_lines, *overlap_lines]
+    captions += cell.captions if cell is not None else ()
     return RunFigures(
         run_id=run["run_id"],
         name=run["name"] or run["run_id"],
         origin_ns=origin,
         facts=_facts(run),
-        gantt=Gantt(lanes, min([0, *starts]), max([end - origin, *ends])),
-        series=(*speed_scales(events, origin, end), *signal_lines, *overlap_lines),
+        gantt=gantt,
+        series=tuple(sorted(series, key=lambda one: one.joint)),
         events=lines,
         tasks=_tasks(intervals, origin),
         captions=(*captions, *left_out, *pairs_left_out, *lines.captions),
+        cell=cell,
     )
 
 

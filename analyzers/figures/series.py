@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
@@ -12,20 +13,27 @@ import polars as pl
 from hrclog.analyzers.busy import BusyTime
 from hrclog.analyzers.figures.arrays import FloatArray, IntArray
 from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.figures.thinning import worth_drawing
 
 MAX_SERIES: Final = 24
 MAX_SAMPLES: Final = 50_000
 
+_JOINT_PERIOD_NS: Final = 100_000_000
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """Values over ns since the first event, shapes (n,); `step` holds a value until the next, else lines join them."""
+    """Values over ns since the first event, shapes (n,); `step` holds a value until the next, else lines join them.
+
+    `joint` marks what is seen in three dimensions too.
+    """
 
     group: str
     name: str
     times_ns: IntArray
     values: FloatArray
     step: bool = False
+    joint: bool = False
 
 
 def speed_scales(events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Series]:
@@ -57,22 +65,41 @@ def overlaps_so_far(
 
 
 def signal_series(
-    signals: pl.DataFrame, origin_ns: int, max_series: int = MAX_SERIES, max_samples: int = MAX_SAMPLES
+    signals: pl.DataFrame,
+    origin_ns: int,
+    bodies: Collection[str] = (),
+    max_series: int = MAX_SERIES,
+    max_samples: int = MAX_SAMPLES,
 ) -> tuple[list[Series], list[str]]:
-    """Return the logged signals, grouped by what stands before the "/" in their names, and what is not drawn."""
-    found: list[Series] = []
+    """Return the logged signals, grouped by what stands before the "/" in their names, and what is not drawn.
+
+    Args:
+        signals: a run's samples, schema `SIGNALS`.
+        origin_ns: of the series' times.
+        bodies: agents whose signals, named agent/joint, are joints that are seen in three dimensions too.
+        max_series: how many are drawn, joints last.
+        max_samples: how many samples of each.
+    """
     captions = []
     thinned = 0
     names = signals["name"].unique(maintain_order=True).sort().to_list()
-    if len(names) > max_series:
-        captions.append(f"The first {max_series} of {len(names)} signals are drawn.")
-    for name in names[:max_series]:
+    joints = [name for name in names if name.rpartition("/")[0] in bodies]
+    drawn = [name for name in names if name not in set(joints)] + joints
+    if len(drawn) > max_series:
+        captions.append(f"The first {max_series} of {len(drawn)} signals are drawn.")
+    found: list[Series] = []
+    for name in drawn[:max_series]:
         own = signals.filter(pl.col("name") == name).sort("time_ns", maintain_order=True)
+        group, _, last = name.rpartition("/")
+        is_joint = group in bodies
+        if is_joint:
+            own = own[worth_drawing(own["time_ns"].to_numpy(), own.select("value").to_numpy(), _JOINT_PERIOD_NS)]
         every = -(-own.height // max_samples)
         thinned += every > 1
         own = own.gather_every(every)
-        group = name.rpartition("/")[0] or "signals"
-        found.append(Series(group, name, own["time_ns"].to_numpy() - origin_ns, own["value"].to_numpy()))
+        title, label = (f"joints of {group}", last) if is_joint else (group or "signals", name)
+        times, values = own["time_ns"].to_numpy() - origin_ns, own["value"].to_numpy()
+        found.append(Series(title, label, times, values, joint=is_joint))
     if thinned:
         captions.append(f"{thinned} signals are thinned to at most {max_samples:,} samples each.")
     return found, captions

@@ -16,7 +16,13 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.typesys.store import Typestore
 
-_OUR_TYPES: Final = (message.TYPE_NAME, channels.FLOAT_TYPE, channels.JOINTS_TYPE)
+_OUR_TYPES: Final = (
+    message.TYPE_NAME,
+    channels.FLOAT_TYPE,
+    channels.JOINTS_TYPE,
+    channels.POSE_TYPE,
+    channels.STRING_TYPE,
+)
 
 
 @dataclass(slots=True)
@@ -48,7 +54,7 @@ def read_bag(path: Path) -> list[BagTopic]:
     topics: dict[int, BagTopic] = {}
     try:
         with AnyReader([path], default_typestore=_store(message.TYPE_NAME, message.DEFINITION)) as reader:
-            wanted = [connection for connection in reader.connections if connection.msgtype in _OUR_TYPES]
+            wanted = [connection for connection in reader.connections if _is_ours(connection)]
             if not wanted:  # rosbags would take an empty list for all
                 return []
             topics = {connection.id: _topic(connection, reader.typestore, cdr=path.is_dir()) for connection in wanted}
@@ -86,6 +92,11 @@ def _store(type_name: str, definition: str) -> Typestore:
     store = get_typestore(Stores.LATEST)
     store.register(get_types_from_msg(definition, type_name))
     return store
+
+
+def _is_ours(connection: Connection) -> bool:
+    named = connection.topic.startswith("/hrc/") or connection.msgtype == message.TYPE_NAME
+    return named and connection.msgtype in _OUR_TYPES
 
 
 def _topic(connection: Connection, store: Typestore, *, cdr: bool) -> BagTopic:

@@ -19,6 +19,7 @@ from hrclog.log.bags import BagTopic, definition_decoder, fields_of
 from hrclog.log.contents import Batch, Contents, joined
 from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.log.message import EVENTS
+from hrclog.log.recorded_scene import SceneParts, is_scene
 from hrclog.log.signals import decode_signals, is_signal
 
 Complain = Callable[[str, str, int | None], None]
@@ -38,6 +39,7 @@ class Decoded:
 
     events: list[pl.DataFrame] = field(default_factory=list)
     signals: list[pl.DataFrame] = field(default_factory=list)
+    scene: SceneParts = field(default_factory=SceneParts)
 
 
 def is_event_channel(channel: Channel, schema: Schema | None) -> bool:
@@ -46,12 +48,12 @@ def is_event_channel(channel: Channel, schema: Schema | None) -> bool:
 
 
 def is_wanted(channel: Channel, schema: Schema | None) -> bool:
-    """Return whether a channel carries events or signals."""
-    return is_event_channel(channel, schema) or is_signal(channel)
+    """Return whether a channel carries events, signals or a part of the scene."""
+    return is_event_channel(channel, schema) or is_signal(channel) or is_scene(channel)
 
 
 def decode_contents(contents: Contents, complain: Complain, *, signals: bool) -> Decoded:
-    """Decode the events and, if wanted, signals of an MCAP file."""
+    """Decode the events and, if wanted, signals and scene of an MCAP file."""
     decoded = Decoded()
     decoders = _event_decoders(contents, complain)
     for batch in joined(contents.batches):
@@ -65,11 +67,13 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
                 decoded.events.append(decoders[channel_id](part))
             elif signals and is_signal(channel):
                 decoded.signals.append(decode_signals(part, channel))
+            elif signals and is_scene(channel):
+                decoded.scene.take(part, channel, partial(_tell, complain))
     return decoded
 
 
 def decode_topics(topics: Iterable[BagTopic], complain: Complain, *, signals: bool) -> Decoded:
-    """Decode the events and, if wanted, signals of a bag."""
+    """Decode the events and, if wanted, signals and scene of a bag."""
     decoded = Decoded()
     for topic in topics:
         batch = _joined(topic)
@@ -80,7 +84,13 @@ def decode_topics(topics: Iterable[BagTopic], complain: Complain, *, signals: bo
             decoded.events.append(decode(batch, topic.decode, complain))
         elif signals and topic.cdr and is_signal(channel):
             decoded.signals.append(decode_signals(batch, channel))
+        elif signals and topic.cdr and is_scene(channel):
+            decoded.scene.take(batch, channel, partial(_tell, complain))
     return decoded
+
+
+def _tell(complain: Complain, text: str) -> None:
+    complain("invalid_scene", text, None)
 
 
 def _event_decoders(contents: Contents, complain: Complain) -> dict[int, _DecodeBatch]:

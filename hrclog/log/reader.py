@@ -33,8 +33,9 @@ from hrclog.log.files import exists
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
 from hrclog.log.message import EVENTS
+from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
-from hrclog.log.signals import SIGNAL_COLUMNS
+from hrclog.log.signals import SIGNAL_COLUMNS, merged_samples
 
 ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
@@ -47,12 +48,14 @@ class Logs:
     """What a set of files holds.
 
     `events` has the columns of `hrclog.log.message.EVENTS` in the order `ORDER`; `signals` has `SIGNAL_COLUMNS`.
+    Signals and scene are empty unless they were asked for.
     """
 
     events: pl.DataFrame
     signals: pl.DataFrame
     diagnostics: list[Diagnostic] = field(default_factory=list)
     paths: list[Path] = field(default_factory=list)
+    scene: RecordedScene = field(default_factory=RecordedScene)
 
 
 def read_logs(
@@ -62,7 +65,7 @@ def read_logs(
 
     Args:
         arguments: what to read.
-        signals: also read scalar and joint signals.
+        signals: also read scalar and joint signals, and what was recorded of the scene.
         on_file: called after each file, for progress.
 
     Raises:
@@ -144,9 +147,11 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         complain("no_events", "the log carries no task events on /hrc/events")
     samples = pl.concat(decoded.signals) if decoded.signals else pl.DataFrame(schema=SIGNAL_COLUMNS)
-    if events["run_id"].n_unique() == 1:
-        samples = samples.with_columns(pl.lit(events["run_id"][0]).alias("run_id"))
-    return Logs(events, samples, diagnostics, [path])
+    only_run = str(events["run_id"][0]) if events["run_id"].n_unique() == 1 else None
+    if only_run is not None:
+        samples = samples.with_columns(pl.lit(only_run).alias("run_id"))
+    scene = recorded_scene(decoded.scene, only_run, lambda text: complain("invalid_scene", text))
+    return Logs(events, samples, diagnostics, [path], scene)
 
 
 def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
@@ -209,8 +214,6 @@ def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
     events = events.select(EVENTS.names()).sort(ORDER, maintain_order=True)
     diagnostics += [*copies, *check_events(events)]
     events = usable(events)
-    samples = pl.concat([part.signals for part in parts])
-    if len(parts) > 1:
-        samples = samples.unique(maintain_order=True)
-    samples = samples.sort("run_id", "name", "time_ns", maintain_order=True)
-    return Logs(events, samples, diagnostics, [path for part in parts for path in part.paths])
+    samples = merged_samples([part.signals for part in parts])
+    paths = [path for part in parts for path in part.paths]
+    return Logs(events, samples, diagnostics, paths, merged(part.scene for part in parts))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -10,10 +11,14 @@ from mcap.records import Channel
 
 from hrclog.log import channels
 from hrclog.log.contents import Batch
+from hrclog.log.message import IntArray
 
 SIGNAL_COLUMNS: Final = pl.Schema({"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64, "value": pl.Float64})
 
+BoolArray = np.typing.NDArray[np.bool_]
+
 _JOINTS: Final = "/joint_states"
+_MOST_LAYOUTS: Final = 64  # beyond, messages are decoded one by one
 
 
 def is_signal(channel: Channel) -> bool:
@@ -30,6 +35,17 @@ def decode_signals(part: Batch, channel: Channel) -> pl.DataFrame:
     return _floats(part, channel.metadata.get("signal") or channel.topic.rsplit("/", 1)[-1], run_id)
 
 
+def merged_samples(frames: Sequence[pl.DataFrame]) -> pl.DataFrame:
+    """Return the samples of several files by run, name and time; those of runs in more than one file only once."""
+    runs = pl.concat([frame.select(pl.col("run_id").unique()) for frame in frames])["run_id"]
+    several = pl.col("run_id").is_in(runs.filter(runs.is_duplicated()).to_list())
+    samples = pl.concat(frames)
+    copies = samples.filter(several)
+    if copies.height:  # not for all: it takes some 300 bytes a row
+        samples = pl.concat([samples.filter(~several), copies.unique(maintain_order=True)])
+    return samples.sort("run_id", "name", "time_ns", maintain_order=True)
+
+
 def _floats(part: Batch, name: str, run_id: str) -> pl.DataFrame:
     whole = part.end - part.start >= 12
     if not whole.any():
@@ -42,11 +58,50 @@ def _floats(part: Batch, name: str, run_id: str) -> pl.DataFrame:
 
 
 def _joints(part: Batch, agent: str, run_id: str) -> pl.DataFrame:
-    rows: list[tuple[str, str, int, float]] = []
-    for start, end, time_ns in zip(part.start.tolist(), part.end.tolist(), part.publish_time.tolist(), strict=True):
-        try:
-            names, positions = channels.decode_joints(part.data[start:end])
-        except ValueError:
-            continue
-        rows += [(run_id, f"{agent}/{name}", time_ns, value) for name, value in zip(names, positions, strict=False)]
-    return pl.DataFrame(rows, schema=SIGNAL_COLUMNS, orient="row")
+    frames = [SIGNAL_COLUMNS.to_frame().drop("run_id")]
+    rest = np.arange(len(part.start))
+    for _ in range(_MOST_LAYOUTS):  # mostly all messages are laid out as the first one, and one turn decodes them
+        if len(rest):
+            alike = _alike(part, rest)
+            frames.append(_joint_samples(part, rest[alike], agent))
+            rest = rest[~alike]
+    frames += [_joint_samples(part, rest[at : at + 1], agent) for at in range(len(rest))]
+    frame = pl.concat(frames)
+    return frame.select(pl.lit(run_id).alias("run_id"), *frame.columns)
+
+
+def _alike(part: Batch, rows: IntArray) -> BoolArray:
+    """Return which messages differ from the first one in stamp and values only, shape of `rows`."""
+    first = part.data[part.start[rows[0]] : part.end[rows[0]]]
+    try:
+        _, begin, _ = channels.joint_names(first)
+    except ValueError:
+        return np.asarray(np.arange(len(rows)) == 0)
+    alike: BoolArray = part.end[rows] - part.start[rows] == len(first)
+    heads = _windows(part, rows[alike], 0, begin)
+    heads[:, 4:12] = 0  # the stamp
+    alike[alike] = (heads == np.frombuffer(first[:4] + bytes(8) + first[12:begin], np.uint8)).all(axis=1)
+    return alike
+
+
+def _joint_samples(part: Batch, rows: IntArray, agent: str) -> pl.DataFrame:
+    """Return the samples of messages laid out as the first one, without the run; none where that is damaged."""
+    try:
+        names, begin, count = channels.joint_names(part.data[part.start[rows[0]] : part.end[rows[0]]])
+    except ValueError:
+        names, begin, count = [], 0, 0
+    used = min(len(names), count)
+    values = _windows(part, rows, begin, 8 * used).view("<f8") if used else np.empty((len(rows), 0))
+    named = pl.Series([f"{agent}/{name}" for name in names[:used]], dtype=pl.String)
+    columns = {
+        "name": named.gather(np.repeat(np.arange(used), len(rows))),
+        "time_ns": np.tile(part.publish_time[rows], used),
+        "value": values.T.ravel(),
+    }
+    return pl.DataFrame(columns, schema={name: SIGNAL_COLUMNS[name] for name in columns})
+
+
+def _windows(part: Batch, rows: IntArray, begin: int, size: int) -> np.typing.NDArray[np.uint8]:
+    """Return a copy of a stretch of each message, shape (n, size)."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(part.data, np.uint8), size)
+    return np.ascontiguousarray(windows[part.start[rows] + begin])

@@ -18,6 +18,8 @@ from hrclog.analyzers.synergy.exposures import Exposure, exposures
 from hrclog.analyzers.synergy.log_work import Floats
 from hrclog.analyzers.synergy.observations import observe
 
+pytestmark = pytest.mark.slow
+
 NO_PRIOR = Prior(tau=math.inf, freedom=0.0)
 
 

@@ -19,6 +19,8 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import OutputError
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, LATEST_NS
 
+pytestmark = pytest.mark.slow
+
 S = 1_000_000_000
 ORIGIN = 1_700_000_000 * S
 LATEST = LATEST_NS // S * S
@@ -302,7 +304,7 @@ def test_the_longest_times_that_a_log_may_hold_are_drawn(origin: int, tmp_path: 
     assert [time.total_seconds() * S for time in bars] == [0, LATEST - origin]
 
 
-def test_only_three_modules_know_rerun() -> None:
+def test_only_the_rerun_modules_know_rerun() -> None:
     rooms = [Path(__file__).parents[2] / room for room in ("analyzers", "recorders", "sim", "hrclog")]
     knowing = {
         path.name
@@ -311,4 +313,4 @@ def test_only_three_modules_know_rerun() -> None:
         for line in path.read_text(encoding="utf-8").splitlines()
         if line.lstrip().startswith(("import rerun", "from rerun"))
     }
-    assert knowing == {"rerun.py", "rerun_layout.py", "rerun_recording.py"}
+    assert knowing == {"rerun.py", "rerun_cell.py", "rerun_layout.py", "rerun_recording.py"}

@@ -115,6 +115,14 @@ def test_a_factor_of_a_task_without_its_work_is_an_error() -> None:
         true_pairs([("H", "a", 0.0, 0.1)], [("R", "b", "H", "a", 1.0)])
 
 
+def test_tasks_and_pairs_that_nobody_has_seen_are_left_out() -> None:
+    found = true_pairs(
+        [("H", "a", 0.0, 0.0), ("R", "b", None, None)],
+        [("H", "a", "R", "b", 2.0), ("R", "b", "H", "a", 1.5), ("H", "a", "R", "c", None)],
+    )
+    assert found.rows() == [("H", "a", "R", "b", 2.0, 2.0)]
+
+
 def test_on_simulated_runs_the_default_is_near_the_truth_and_the_mean_is_not() -> None:
     work = {"H": {"a": (1.5, 0.15), "b": (1.2, 0.15)}, "R": {"c": (1.6, 0.1), "d": (1.4, 0.1)}}
     factors = {("R", "c", "H", "a"): 2.5, ("R", "d", "H", "a"): 1.8, ("H", "b", "R", "d"): 1.2}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import struct
 import subprocess
@@ -21,10 +22,12 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
+from scenes import ARM_URDF, cell_scene
 
 from hrclog.errors import LogReadError
 from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, Event, Heartbeat
+from hrclog.log.channels import encode_pose, encode_string
 from hrclog.log.message import DEFINITION, TYPE_NAME, encode_row
 from hrclog.log.reader import read_logs
 from hrclog.recorders.recorder import Recorder
@@ -38,6 +41,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ticks = iter(range(T0, T0 + 10**12, 1000))
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     with Recorder(path, "läuft 🦾", agents=["robot", "Müller, Ana"], clock_ns=lambda: next(ticks)) as recorder:
+        recorder.scene(cell_scene())
+        recorder.describe("robot", ARM_URDF)
         for i in range(30):
             with recorder.task("robot", f"pick {i}", details={"grip": i / 7}) as task:
                 task.pause("safety")
@@ -47,6 +52,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
             )
             recorder.signal("distance to hand", i / 10)
             recorder.joints("robot", ["a", "bb"], [i / 3, -i])
+            recorder.pose("cube", (i / 7, -1, 0.5), (0, 0, 0.6, 0.8))
         recorder.safety("robot", "reduced", 0.25, "table")
         recorder.annotate("well done")
     return path
@@ -90,7 +96,7 @@ def test_mcap_reads_every_message_with_valid_checksums(log: Path, frame: pl.Data
     topics = Counter(channel.topic for _, channel, _ in messages)
     assert topics["/hrc/events"] == frame.height
     assert topics["/hrc/agents/robot/active_task"] == topics["/hrc/agents/robot/joint_states"] * 2 == 60
-    assert len(topics) == 5
+    assert len(topics) == 8
     rows = [_unset(row) for row in frame.iter_rows(named=True)]
     for row, (schema, channel, message) in zip(rows, messages, strict=False):
         assert schema is not None
@@ -113,6 +119,15 @@ def test_rosbags_decodes_equal_fields_by_the_definitions_in_the_file(log: Path, 
     assert [(message.name, message.position.tolist()) for message in joints] == [
         (["a", "bb"], [i / 3, -i]) for i in range(30)
     ]
+    poses: list[Any] = [message for topic, message in decoded if topic == "/hrc/objects/cube/pose"]
+    assert [message.pose.position.x for message in poses] == [i / 7 for i in range(30)]
+    assert {(message.pose.orientation.z, message.pose.orientation.w) for message in poses} == {(0.6, 0.8)}
+    assert {message.header.frame_id for message in poses} == {"world"}
+    stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in poses]
+    assert stamps == read_logs(log, signals=True).scene.poses["time_ns"].to_list()
+    texts: dict[str, Any] = dict(decoded)
+    assert texts["/hrc/agents/robot/description"].data == ARM_URDF
+    assert json.loads(texts["/hrc/scene"].data) == cell_scene()
     distances: list[Any] = [message for topic, message in decoded if topic.startswith("/hrc/signals/")]
     assert [message.data for message in distances] == [i / 10 for i in range(30)]
 
@@ -127,7 +142,7 @@ def test_rerun_has_as_many_rows_as_there_are_messages(log: Path, tmp_path: Path)
             rows[chunk.entity_path] += chunk.num_rows
     with log.open("rb") as stream:
         messages = Counter(channel.topic for _, channel, _ in make_reader(stream).iter_messages())
-    # Rerun lays out the parts of a joint state as further entities below its topic
+    # Rerun lays out the parts of a joint state as further entities below its topic, and adds what else it understands
     assert {topic: rows[topic] for topic in messages} == messages
     assert {entity for entity in rows if entity not in messages} == {
         f"/hrc/agents/robot/joint_states/{part}" for part in ("position", "velocity", "effort")
@@ -176,12 +191,22 @@ def test_a_ros_2_bag_gives_signals_and_ignores_other_topics(log: Path, tmp_path:
         events = writer.add_connection("/hrc/events", TYPE_NAME, typestore=store)
         speed = writer.add_connection("/hrc/signals/speed", "std_msgs/msg/Float64", typestore=store)
         other = writer.add_connection("/speed", "std_msgs/msg/Float64", typestore=store)
+        scene = writer.add_connection("/hrc/scene", "std_msgs/msg/String", typestore=store)
+        chatter = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
+        pose = writer.add_connection("/hrc/objects/cube/pose", "geometry_msgs/msg/PoseStamped", typestore=store)
         writer.write(events, T0, _event_messages(log)[0][1])
         writer.write(speed, T0 + 1, b"\0\1\0\0" + struct.pack("<d", 0.5))
         writer.write(other, T0 + 2, b"\0\1\0\0" + struct.pack("<d", 0.5))
+        for text in (scene, chatter):
+            writer.write(text, T0 + 3, encode_string(json.dumps(cell_scene())))
+        writer.write(pose, T0 + 4, encode_pose(T0 + 4, (1, 2, 3), (0, 0, 0, 1)))
     logs = read_logs(tmp_path / "bag", signals=True)
     run_id = logs.events["run_id"][0]
     assert logs.signals.rows() == [(run_id, "speed", T0 + 1, 0.5)]
+    cell = logs.scene.of_run(run_id)
+    assert cell is not None
+    assert [box.name for box in cell.scene.boxes] == ["cube"]
+    assert cell.poses.rows() == [(run_id, "cube", T0 + 4, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)]
     assert read_logs(tmp_path / "bag").signals.is_empty()
 
 

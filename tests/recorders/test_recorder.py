@@ -16,6 +16,7 @@ from folders import names_in
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from scenes import ARM_URDF, cell_scene
 
 import hrclog
 from hrclog import Recorder
@@ -244,6 +245,25 @@ def test_signals_and_joints_are_recorded_beside_the_events(path: Path) -> None:
     assert kinds(path) == ["run_started", "run_ended"]
 
 
+def test_the_cell_is_recorded_beside_the_events(path: Path) -> None:
+    with Recorder(path) as recorder:
+        recorder.scene(cell_scene())
+        recorder.describe("robot", ARM_URDF)
+        recorder.pose("cube", [1, 2, 3], time_ns=77)
+        with pytest.raises(InvalidEventError, match="position of 2 numbers, expected 3"):
+            recorder.pose("cube", [1, 2])
+        with pytest.raises(InvalidEventError, match="expected a number"):
+            recorder.pose("cube", ["x", 2, 3])  # type: ignore[list-item]  # the error is the point
+        with pytest.raises(InvalidEventError, match="scene: schema_version"):
+            recorder.scene({})
+    cell = read_logs(path, signals=True).scene.of_run(recorder.run_id)
+    assert cell is not None
+    assert cell.descriptions == {"robot": ARM_URDF}
+    assert [box.name for box in cell.scene.boxes] == ["cube"]
+    assert cell.poses.rows() == [(recorder.run_id, "cube", 77, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)]
+    assert kinds(path) == ["run_started", "run_ended"]
+
+
 # what is not allowed
 
 
@@ -324,8 +344,11 @@ def test_a_place_that_cannot_be_written_is_said_so(tmp_path: Path, name: str) ->
         Recorder(tmp_path / name)
 
 
+_NAMES = st.text(min_size=1, max_size=12).filter(str.strip)  # blank ones are refused
+
+
 @settings(max_examples=30)
-@given(st.text(min_size=1, max_size=12), st.text(min_size=1, max_size=12), st.text(max_size=12))
+@given(_NAMES, _NAMES, st.text(max_size=12))
 def test_any_text_may_be_a_name(tmp_path: Path, agent: str, task: str, run: str) -> None:
     path = tmp_path / "run.mcap"
     path.unlink(missing_ok=True)

@@ -13,11 +13,15 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
+from cell_logs import RUN as CELL_RUN
+from cell_logs import write_cell_log
 from PIL import Image
 from rerun.experimental import ViewerClient
 
+from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.figures import campaign_figures, run_figures
 from hrclog.analyzers.rerun import save_campaign, save_run
 from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
@@ -142,6 +146,26 @@ def test_every_view_of_a_run_shows_without_complaint(viewer: ViewerClient, tmp_p
     assert (recording.current_timeline, recording.current_time) == ("run_time", 0)
     assert colours(viewer, tmp_path / "run.png") > 100
     assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * 6
+
+
+def test_a_cell_is_seen_beside_its_timeline_without_complaint(viewer: ViewerClient, tmp_path: Path) -> None:
+    write_cell_log(tmp_path / "cell.mcap")
+    analyze(tmp_path / "cell.mcap").run_to_rerun(CELL_RUN, tmp_path / "cell.rrd")
+    show(viewer, tmp_path / "cell.rrd")
+    (cell,) = [view.view_id for view in viewer.get_state().views if view.view_class == "3D"]
+    orange, red = [], []
+    for at in (0.0, 2.5, 3.5):
+        viewer.set_time("run_time", duration=at, play_state="paused")
+        time.sleep(1)
+        viewer.save_screenshot(str(tmp_path / "cell.png"), view_id=cell)
+        with Image.open(tmp_path / "cell.png") as image:
+            pixels = np.asarray(image.convert("RGB"), float)
+        bright = (pixels[..., 0] > 110) & (pixels[..., 2] < pixels[..., 0] / 3)
+        shares = pixels[bright][:, 1] / pixels[bright][:, 0]
+        orange.append(bool((shares > 0.57).sum() > 8000))  # the rim of a dark area is orange too
+        red.append(bool((shares < 0.57).sum() > 8000))
+    assert (orange, red) == ([False, True, False], [False, False, True])
+    assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * 8
 
 
 def test_every_view_of_a_campaign_shows_without_complaint(viewer: ViewerClient, tmp_path: Path) -> None:
