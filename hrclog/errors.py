@@ -67,6 +67,10 @@ class ScenarioError(HrclogError):
     """A scenario, problem or plan is not valid."""
 
 
+class DispatchError(HrclogError):
+    """A plan cannot be carried out as asked: by these executors, under this policy."""
+
+
 class OutputError(HrclogError):
     """A result could not be written where the user asked."""
 

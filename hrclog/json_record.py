@@ -90,6 +90,27 @@ class JsonRecord:
             raise self.error(name, "a list of texts")
         return tuple(value)
 
+    def names(self, name: str) -> tuple[str, ...]:
+        """Return the names of the fields of a nested object."""
+        value = self._required(name)
+        if not isinstance(value, Mapping):
+            raise self.error(name, "a JSON object")
+        return tuple(value)
+
+    def numbers(self, name: str) -> tuple[float, ...]:
+        """Return a list of finite numbers."""
+        value = self._required(name)
+        if not _is_numbers(value):
+            raise self.error(name, "a list of numbers")
+        return tuple(map(float, value))
+
+    def number_lists(self, name: str) -> list[tuple[float, ...]]:
+        """Return a list of lists of finite numbers."""
+        value = self._required(name)
+        if not isinstance(value, list) or not all(_is_numbers(entry) for entry in value):
+            raise self.error(name, "a list of lists of numbers")
+        return [tuple(map(float, entry)) for entry in value]
+
     def record(self, name: str, allowed: Sequence[str]) -> JsonRecord:
         """Return a nested object."""
         return JsonRecord(self._required(name), self._at(name), allowed)
@@ -110,6 +131,12 @@ class JsonRecord:
         if name not in self._fields:
             raise ScenarioError(f"{self.where}: {name!r} is missing; add it")
         return self._fields[name]
+
+
+def _is_numbers(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(entry, int | float) and not isinstance(entry, bool) and math.isfinite(entry) for entry in value
+    )
 
 
 def wrong(where: str, found: object, expected: str) -> ScenarioError:

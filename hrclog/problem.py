@@ -12,6 +12,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any, Final
 
 from hrclog.errors import ScenarioError
+from hrclog.events import Role
 from hrclog.json_record import JsonRecord
 
 
@@ -30,12 +31,17 @@ class PrecedenceKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A kind of work, the agents that can do it, and the objects it may choose from (none: no choice to log)."""
+    """A kind of work, the agents that can do it, and the objects it may choose from (none: no choice to log).
+
+    An auxiliary task (`go_home`) counts in timelines only, and without a count of its own it may stand anywhere in a
+    plan, as often as one likes.
+    """
 
     name: str
     agents: tuple[str, ...]
     task_type: str = ""
     targets: tuple[str, ...] = ()
+    role: str = Role.PRIMARY
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +106,10 @@ class Problem:
         """Return how often a task is done in a run, by all agents together."""
         return sum(count.count for count in self.counts if count.task == name)
 
+    def is_extra(self, name: str) -> bool:
+        """Return whether a plan may hold a task as often as it likes: it is auxiliary and has no count."""
+        return self.task(name).role == Role.AUXILIARY and all(count.task != name for count in self.counts)
+
     def agent_tasks(self) -> list[tuple[str, str]]:
         """Return every (agent, task) that may happen, in order of agents, then tasks."""
         return [(agent, task.name) for agent in self.agents for task in self.tasks if agent in task.agents]
@@ -120,6 +130,7 @@ class Problem:
             "agents": list(self.agents),
             "tasks": [
                 {"name": t.name, "type": t.task_type, "agents": list(t.agents), "targets": list(t.targets)}
+                | ({} if t.role == Role.PRIMARY else {"role": str(t.role)})
                 for t in self.tasks
             ],
             "counts": [
@@ -139,8 +150,10 @@ def problem_from_json(record: JsonRecord) -> Problem:
         ScenarioError: a field is missing or wrong, or the parts contradict each other.
     """
     tasks = [
-        Task(entry.text("name"), entry.texts("agents"), entry.text("type", ""), entry.texts("targets", ()))
-        for entry in record.records("tasks", ("name", "type", "agents", "targets"))
+        Task(
+            entry.text("name"), entry.texts("agents"), entry.text("type", ""), entry.texts("targets", ()), _role(entry)
+        )
+        for entry in record.records("tasks", ("name", "type", "agents", "targets", "role"))
     ]
     counts = [
         Count(entry.text("task"), entry.integer("count"), entry.text("agent", ""))
@@ -154,6 +167,13 @@ def problem_from_json(record: JsonRecord) -> Problem:
         return Problem(record.texts("agents"), tuple(tasks), tuple(counts), tuple(precedences))
     except ScenarioError as error:
         raise ScenarioError(f"{record.where}: {error}") from error
+
+
+def _role(entry: JsonRecord) -> Role:
+    role = entry.text("role", Role.PRIMARY)
+    if role not in tuple(Role):
+        raise entry.error("role", f"one of {', '.join(Role)}")
+    return Role(role)
 
 
 def _kind(entry: JsonRecord) -> PrecedenceKind:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
-from hrclog.events import Event, Role, TaskFact
+from hrclog.events import CommandRejected, Event, Role, TaskFact
 
 Fact = TypeVar("Fact", bound=TaskFact)
 
@@ -56,13 +56,27 @@ def event_on(kind: type[Fact], command: Command, *, time_ns: int, **facts: Any) 
     )
 
 
+def rejection(command: Command, *, time_ns: int, reason: str) -> CommandRejected:
+    """Return the event that says a command is refused."""
+    return CommandRejected(
+        time_ns=time_ns,
+        run_id=command.run_id,
+        command_id=command.command_id,
+        execution_id=command.execution_id,
+        agent=command.agent,
+        task=command.task,
+        reason=reason,
+    )
+
+
 @runtime_checkable
 class Executor(Protocol):
     """Carries out the tasks of its agents and says what happens.
 
     A command is answered by `command_rejected`, or by `task_started`, any number of pauses and resumptions, and one
-    `task_ended`; one that is cancelled before its start by `task_ended` alone. Every event carries the command's ids.
-    Facts that belong to no command (safety states, heartbeats) come the same way.
+    `task_ended`; one that is cancelled before its start by `task_ended` alone. Every event carries the command's ids
+    (`event_on`). Facts that belong to no command (safety states, heartbeats) come the same way. What breaks these
+    promises is kept as an annotation.
     """
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hrclog.dispatch_rule import Decision, Verdict, decide
+from hrclog.dispatch_rule import Decision, Rules, Verdict, decide
 from hrclog.events import Outcome
 from hrclog.plan import PlanItem
 
@@ -51,6 +51,34 @@ def test_planned_starts_are_waited_for_only_where_the_time_is_given() -> None:
     assert decide(QUEUE, outcomes, busy=False, now_s=4.9) == Decision(Verdict.WAIT, SECOND, not_before_s=5.0)
     assert decide(QUEUE, outcomes, busy=False, now_s=5.0) == Decision(Verdict.START, SECOND)
     assert decide(QUEUE, {}, busy=False, now_s=0.0) == Decision(Verdict.START, FIRST)
+
+
+def test_an_item_waits_for_facts_in_every_mode() -> None:
+    item = PlanItem("1", "H", "pick", needs=("part", "door"))
+    assert decide((item,), {}, busy=False, facts={"door"}) == Decision(Verdict.WAIT, item, missing=("part",))
+    assert decide((item,), {}, busy=False, facts={"door", "part"}) == Decision(Verdict.START, item)
+
+
+def test_what_must_be_over_first_may_end_in_any_way_and_holds_up_a_skip_too() -> None:
+    rules = Rules(over_first={"2": ("x",)})
+    outcomes: dict[str, str] = {"1": Outcome.FAILED}
+    assert decide(QUEUE, outcomes, busy=False, rules=rules) == Decision(Verdict.WAIT, SECOND, ("x",))
+    outcomes["x"] = Outcome.FAILED
+    assert decide(QUEUE, outcomes, busy=False, rules=rules) == Decision(Verdict.SKIP, SECOND, ("1",))
+
+
+def test_an_item_goes_with_its_partners_or_not_at_all() -> None:
+    rules = Rules(partners={"1": ("x",)})
+    assert decide(QUEUE, {}, busy=False, rules=rules) == Decision(Verdict.START, FIRST)
+    assert decide(QUEUE, {"x": Outcome.SKIPPED}, busy=False, rules=rules) == Decision(Verdict.SKIP, FIRST, ("x",))
+
+
+def test_what_must_follow_never_goes_ahead_of_what_it_follows() -> None:
+    queue = (PlanItem("1", "H", "pick", needs=("part",)), PlanItem("2", "H", "place"), PlanItem("3", "H", "wave"))
+    rules = Rules(follows={"2": "1"}, free_order=True)
+    assert decide(queue, {}, busy=False, rules=rules) == Decision(Verdict.START, queue[2])
+    assert decide(queue, {"3": DONE}, busy=False, rules=rules) == Decision(Verdict.WAIT, queue[0], missing=("part",))
+    assert decide(queue, {"1": DONE}, busy=False, rules=rules) == Decision(Verdict.START, queue[1])
 
 
 @given(st.permutations(["1", "2", "3", "4"]), st.data())

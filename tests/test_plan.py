@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from hrclog.errors import ScenarioError
-from hrclog.plan import Plan, PlanItem, check_plan, make_plan, read_plan, with_planned_times, write_plan
+from hrclog.events import Role
+from hrclog.plan import Arrival, Plan, PlanItem, check_plan, make_plan, read_plan, with_planned_times, write_plan
 from hrclog.problem import Count, Precedence, PrecedenceKind, Problem, Task
 
 CELL = Problem(
@@ -59,6 +60,56 @@ def test_a_plan_comes_back_from_its_file(plan: Plan, tmp_path: Path) -> None:
         write_plan(path, written)
         assert read_plan(path) == written
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_labels_facts_limits_and_arrivals_come_back_from_the_file(plan: Plan, tmp_path: Path) -> None:
+    changes = {
+        "R-01": {"meet": "hand over", "timeout_s": 4.0},
+        "H-01": {"meet": "hand over"},
+        "H-03": {"needs": ("crate", "label")},
+    }
+    items = tuple(replace(item, **changes.get(item.item_id, {})) for item in plan.items)  # type: ignore[arg-type] - fields of an item
+    written = Plan("rich", items, (Arrival("crate", 2.5), Arrival("label", 0.0)))
+    write_plan(tmp_path / "rich.json", written)
+    assert read_plan(tmp_path / "rich.json") == written
+    assert with_planned_times(written, {(i.agent, i.task): 1.0 for i in items}).arrivals == written.arrivals
+
+
+def test_a_plan_without_labels_facts_and_limits_does_not_name_them(plan: Plan) -> None:
+    assert set(plan.to_json()) == {"schema_version", "name", "items"}
+    assert set().union(*plan.to_json()["items"]) == {"item_id", "agent", "task", "after"}
+
+
+def test_auxiliary_tasks_without_a_count_may_stand_anywhere_but_between_what_must_follow(plan: Plan) -> None:
+    home = Task("go_home", ("R",), role=Role.AUXILIARY)
+    cell = replace(CELL, tasks=(*CELL.tasks, home))
+    check_plan(cell, plan)
+    orders = {"H": ORDERS["H"], "R": ("go_home", "pick", "place", "go_home", "pick", "place", "go_home")}
+    check_plan(cell, make_plan(cell, orders))
+    with pytest.raises(ScenarioError, match="'R' cannot do 'go_home' before 'place'"):
+        make_plan(cell, orders | {"R": ("pick", "go_home", "place", "pick", "place")})
+    counted = replace(cell, counts=(*CELL.counts, Count("go_home", 1)))
+    with pytest.raises(ScenarioError, match="'go_home' is done 3 times, expected 1"):
+        make_plan(counted, orders)
+
+
+def test_primary_tasks_without_a_count_are_not_to_be_done() -> None:
+    cell = replace(CELL, tasks=(*CELL.tasks, Task("wave", ("R",))))
+    with pytest.raises(ScenarioError, match="'wave' is done 1 times, expected 0"):
+        make_plan(cell, ORDERS | {"R": ("wave", *ORDERS["R"])})
+
+
+@pytest.mark.parametrize("agents", [("R", "R"), ("H",), ("H", "R", "R")])
+def test_a_meeting_has_one_item_each_of_two_or_more_agents(agents: tuple[str, ...], plan: Plan) -> None:
+    wanted = list(agents)
+    items = []
+    for item in plan.items:
+        meets = item.agent in wanted
+        if meets:
+            wanted.remove(item.agent)
+        items.append(replace(item, meet="lift" if meets else ""))
+    with pytest.raises(ScenarioError, match=r"meet 'lift' stands at items of .*expected one item each of two or more"):
+        check_plan(CELL, Plan("met", tuple(items)))
 
 
 def test_planned_times_follow_from_gaps_order_and_precedence(plan: Plan) -> None:
@@ -159,6 +210,20 @@ def test_what_must_follow_at_once_may_not_wait_for_an_earlier_one() -> None:
         ("{}", "'items' is missing"),
         ('{"items": [], "extra": 1}', "unknown field 'extra'"),
         ('{"schema_version": 99, "items": []}', "found '99', expected at most 1"),
+        ('{"items": [], "arrivals": [{"fact": "part"}]}', r"arrivals\[0\]: 'at_s' is missing"),
+        ('{"items": [], "arrivals": [{"fact": "part", "at_s": -1}]}', "at_s: found '-1', expected a number from 0"),
+        (
+            '{"items": [{"item_id": "1", "agent": "H", "task": "a", "needs": "part"}]}',
+            "needs: found 'part', expected a list of texts",
+        ),
+        (
+            '{"items": [{"item_id": "1", "agent": "H", "task": "a", "timeout_s": 0}]}',
+            "timeout_s: found '0', expected a number above 0",
+        ),
+        (
+            '{"items": [{"item_id": "1", "agent": "H", "task": "a", "meet": "x"}]}',
+            "meet 'x' stands at items of 'H', expected one item each",
+        ),
         ('{"items": [{"item_id": "1", "agent": "H"}]}', r"items\[0\]: 'task' is missing"),
         ('{"items": [{"item_id": "1", "agent": "H", "task": "a", "planned_start_s": NaN}]}', "NaN is no JSON number"),
         ('{"items": [{"item_id": "1", "agent": "H", "task": "a", "planned_start_s": -1}]}', "expected a number from 0"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from hrclog.errors import ScenarioError
+from hrclog.events import Role
 from hrclog.json_record import JsonRecord
 from hrclog.problem import (
     PROBLEM_FIELDS,
@@ -29,6 +30,12 @@ GOOD = Problem(
 def test_a_problem_comes_back_from_json_as_it_was() -> None:
     problem = replace(GOOD, tasks=(replace(PICK, targets=("a", "b")), PLACE))
     assert problem_from_json(JsonRecord(problem.to_json(), "x", PROBLEM_FIELDS)) == problem
+
+
+def test_only_auxiliary_tasks_say_their_role_in_json() -> None:
+    problem = replace(GOOD, tasks=(*GOOD.tasks, Task("go_home", ("robot",), role=Role.AUXILIARY)))
+    assert problem_from_json(JsonRecord(problem.to_json(), "x", PROBLEM_FIELDS)) == problem
+    assert [task.get("role") for task in problem.to_json()["tasks"]] == [None, None, "auxiliary"]
 
 
 def test_work_that_must_follow_is_one_unit_of_the_counted_agent() -> None:
@@ -127,6 +134,10 @@ def test_a_task_has_one_follower_only() -> None:
         ({"agents": "human"}, "cell: agents: found 'human', expected a list of texts"),
         ({"agent": []}, "cell: unknown field 'agent'; the fields are agents, counts, precedences, tasks"),
         ({"tasks": [{"agents": ["human"]}]}, r"cell: tasks\[0\]: 'name' is missing"),
+        (
+            {"tasks": [{"name": "pick", "agents": ["human"], "role": "extra"}]},
+            r"tasks\[0\]: role: found 'extra', expected one of primary, auxiliary",
+        ),
         ({"tasks": ["pick"]}, r"cell: tasks\[0\]: found 'pick', expected a JSON object"),
         (
             {"counts": [{"task": "pick", "count": 1.5}]},

@@ -18,6 +18,8 @@ from hrclog.analyzers.output import TABLES
 from hrclog.cli import VERBS
 from hrclog.cli.export import TABLES as EXPORTED
 
+pytestmark = pytest.mark.slow
+
 Run = Callable[..., Any]
 
 HRCLOG = [sys.executable, "-m", "hrclog"]

@@ -18,6 +18,8 @@ from hrclog.errors import ImportDataError, OutputError
 from hrclog.log.reader import read_log, read_logs
 from hrclog.recorders.importers.mongo import exact_ns, file_name, import_mongo, run_events
 
+pytestmark = pytest.mark.slow
+
 Document = dict[str, Any]
 
 
