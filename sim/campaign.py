@@ -1,31 +1,70 @@
-"""Many simulated runs as log files: the same bytes from one process or many."""
+"""Many simulated runs as log files: the same bytes from one process or many, in one go or in several."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from hrclog.errors import LogExistsError, OutputError, ScenarioError
-from hrclog.log.writer import write_log
+from hrclog.errors import HrclogError, LogExistsError, LogWriteError, ScenarioError
 from hrclog.parallel import ordered_map
-from hrclog.sim.run import run_name, simulate_run
+from hrclog.sim.campaign_folder import add_run, campaign_folder, manifest_of
+from hrclog.sim.engine import ENGINES, make_engine
+from hrclog.sim.event_queue import EventQueue
+from hrclog.sim.observed import observed_truth
+from hrclog.sim.parent import end_with_parent
+from hrclog.sim.run import BASE_EPOCH_NS, run_name, simulate_run
 from hrclog.sim.scenario import Scenario
-from hrclog.sim.truth import TRUTH_FILE, RunTruth, scenario_truth, write_truth
+from hrclog.sim.truth import RunTruth, Truth, scenario_truth
 
 Progress = Callable[[int], None]
-"""Told how many further runs are written."""
+"""Told how many further runs are over."""
 
 _BATCH: Final = 25
+_SLOW_BATCH: Final = 1
+_TOLD_FAILURES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    """A run that could not be simulated; `trace` is for whoever looks for the reason."""
+
+    name: str
+    text: str
+    trace: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Campaign:
+    """What a worker needs to know; `owner` is the process that the campaign runs in."""
+
+    scenario: Scenario
+    seed: int
+    engine: str
+    out_dir: Path
+    owner: int
 
 
 def simulate_campaign(
-    scenario: Scenario, runs: int, seed: int, out_dir: Path, workers: int = 1, progress: Progress | None = None
+    scenario: Scenario,
+    runs: int,
+    seed: int,
+    out_dir: Path,
+    workers: int = 1,
+    progress: Progress | None = None,
+    engine: str = ENGINES[0],
+    resuming: Progress | None = None,
 ) -> tuple[Path, ...]:
     """Simulate runs, write one log each and the truth beside them, and return the paths of the logs.
 
-    Run `index` depends on scenario, seed and index alone: neither on the number of runs nor on the workers.
+    Run `index` depends on scenario, seed, engine and index alone: neither on the number of runs nor on the workers. A
+    campaign that was killed is resumed by the same call: runs that are there are not simulated again. It may then be
+    given more runs. A run that fails does not keep the others from being simulated.
 
     Args:
         scenario: the cell.
@@ -34,25 +73,35 @@ def simulate_campaign(
         out_dir: made if missing; logs are named after scenario and number.
         workers: processes to use.
         progress: called after each batch of runs.
+        engine: one of `ENGINES`.
+        resuming: called first with the number of runs that are there, if the campaign is resumed.
 
     Raises:
-        LogExistsError: a file that would be written exists; nothing was simulated.
+        LogExistsError: a file that would be written exists, or another campaign is unfinished in the folder; nothing
+            was simulated.
         OutputError: the folder cannot be made.
-        LogWriteError: a log cannot be written.
-        ScenarioError: a number is out of range, or a run came to a standstill.
+        LogWriteError: a file cannot be written, or another process is simulating into the folder.
+        ScenarioError: a number is out of range, the engine cannot carry out the scenario (nothing was written), or
+            runs failed, for example by a standstill (the others are written).
     """
     _check_range("runs", runs)
     _check_range("workers", workers)
-    paths = tuple(out_dir / f"{run_name(scenario, index)}.mcap" for index in range(runs))
-    _prepare(out_dir, (out_dir / TRUTH_FILE, *paths))
-    batches = [range(start, min(start + _BATCH, runs)) for start in range(0, runs, _BATCH)]
-    truths: list[RunTruth] = []
-    for batch_truths in ordered_map(partial(_write_batch, scenario, seed, out_dir), batches, workers):
-        truths += batch_truths
-        if progress:
-            progress(len(batch_truths))
-    write_truth(out_dir / TRUTH_FILE, scenario_truth(scenario, seed, truths))
-    return paths
+    make_engine(engine, scenario, EventQueue(BASE_EPOCH_NS), seed, 0).stop()  # says now what it would say in every run
+    with campaign_folder(scenario, manifest_of(scenario, runs, seed, engine), out_dir) as folder:
+        if folder.resumed and resuming:
+            resuming(len(folder.done))
+        left = [index for index in range(runs) if index not in folder.done]
+        found = dict(folder.done)
+        failures: list[_Failure] = []
+        for index, result in _results(_Campaign(scenario, seed, engine, out_dir, os.getpid()), left, workers, progress):
+            if isinstance(result, _Failure):
+                failures.append(result)
+            else:
+                found[index] = result
+        if failures:
+            raise _failed(failures, runs)
+        folder.finish(_truth(scenario, seed, engine, [found[index] for index in range(runs)]))
+        return tuple(map(folder.log, range(runs)))
 
 
 def _check_range(what: str, value: int) -> None:
@@ -60,21 +109,50 @@ def _check_range(what: str, value: int) -> None:
         raise ScenarioError(f"{what}: found {value}, expected at least 1")
 
 
-def _prepare(out_dir: Path, paths: tuple[Path, ...]) -> None:
+def _truth(scenario: Scenario, seed: int, engine: str, runs: Sequence[RunTruth]) -> Truth:
+    if engine == "bullet" and scenario.cell is not None:
+        return observed_truth(scenario, scenario.cell, seed, engine, runs)
+    return scenario_truth(scenario, seed, runs)
+
+
+def _results(
+    campaign: _Campaign, indices: Sequence[int], workers: int, progress: Progress | None
+) -> Iterator[tuple[int, RunTruth | _Failure]]:
+    size = _SLOW_BATCH if campaign.engine == "bullet" else _BATCH
+    batches = [indices[start : start + size] for start in range(0, len(indices), size)]
     try:
-        out_dir.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(out_dir, f"cannot be made ({error.strerror})") from error
-    for path in paths:
-        if path.exists():
-            raise LogExistsError(path, "choose an empty folder with -o")
+        for batch, results in zip(batches, ordered_map(partial(_write_batch, campaign), batches, workers), strict=True):
+            yield from zip(batch, results, strict=True)
+            if progress:
+                progress(len(batch))
+    except BrokenExecutor as error:
+        raise HrclogError(
+            "a worker process was killed, perhaps for want of memory; the same command with fewer --workers goes on"
+        ) from error
 
 
-def _write_batch(scenario: Scenario, seed: int, out_dir: Path, batch: range) -> list[RunTruth]:
-    return [_write_run(scenario, seed, index, out_dir) for index in batch]
+def _write_batch(campaign: _Campaign, batch: Sequence[int]) -> list[RunTruth | _Failure]:
+    if os.getpid() != campaign.owner:
+        end_with_parent()
+    return [_write_run(campaign, index) for index in batch]
 
 
-def _write_run(scenario: Scenario, seed: int, index: int, out_dir: Path) -> RunTruth:
-    run = simulate_run(scenario, seed, index)
-    write_log(out_dir / f"{run.truth.name}.mcap", run.events)
+def _write_run(campaign: _Campaign, index: int) -> RunTruth | _Failure:
+    try:
+        run = simulate_run(campaign.scenario, campaign.seed, index, engine=campaign.engine)
+        add_run(campaign.out_dir, run)
+    except (LogExistsError, LogWriteError):  # the next run would not fare better
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever is wrong with a run, the others go on, and it is told at the end
+        text = str(error) if isinstance(error, HrclogError) else f"{type(error).__name__}: {error}"
+        return _Failure(run_name(campaign.scenario, index), text, traceback.format_exc())
     return run.truth
+
+
+def _failed(failures: Sequence[_Failure], runs: int) -> ScenarioError:
+    told = "; ".join(f"{failure.name}: {failure.text}" for failure in failures[:_TOLD_FAILURES])
+    more = f"; and {len(failures) - _TOLD_FAILURES} more" if len(failures) > _TOLD_FAILURES else ""
+    rest = ", the others are written; the same command tries only these again" if len(failures) < runs else ""
+    error = ScenarioError(f"{len(failures)} of {runs} runs failed{rest}: {told}{more}")
+    error.add_note(failures[0].trace)
+    return error

@@ -7,16 +7,20 @@ Instants are whole nanoseconds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Final
 
 from hrclog.events import Cause, Event, Outcome, SafetyStateChanged, TaskEnded, TaskPaused, TaskResumed, TaskStarted
-from hrclog.recorders.executor import Command, Emit, event_on
-from hrclog.sim.event_queue import EventQueue
+from hrclog.recorders.clock import Clock
+from hrclog.recorders.executor import Command, Emit, Executor, event_on
 from hrclog.sim.scenario import AgentTask, Scenario
 from hrclog.sim.stream import Stream
-from hrclog.sim.truth import ExecutionTruth
+from hrclog.sim.truth import ExecutionTruth, PairTruth
+
+if TYPE_CHECKING:
+    from hrclog.log.encode import Signal
 
 NS_PER_S = 1_000_000_000
 
@@ -47,19 +51,20 @@ class DiscreteCell:
 
     Args:
         scenario: how the agents behave.
-        queue: the simulated clock and what is going to happen.
+        clock: what is going to happen; simulated, or real for a cell that people watch.
         streams: random numbers of each agent; what one agent draws does not depend on the others' timing.
-        next_seq: numbers the events of the run.
     """
 
-    def __init__(
-        self, scenario: Scenario, queue: EventQueue, streams: Mapping[str, Stream], next_seq: Callable[[], int]
-    ) -> None:
+    name: Final = "events"
+    pairs: tuple[PairTruth, ...] = ()
+    contacts: int | None = None
+
+    def __init__(self, scenario: Scenario, clock: Clock, streams: Mapping[str, Stream]) -> None:
         self.truth: list[ExecutionTruth] = []
+        self.signals: list[Signal] = []
         self._scenario = scenario
-        self._queue = queue
+        self._clock = clock
         self._streams = streams
-        self._next_seq = next_seq
         self._emit: Emit = lambda _: None
         self._given: dict[str, _Execution] = {}  # by execution id: accepted and not ended
         self._running: dict[str, _Execution] = {}  # by agent
@@ -76,16 +81,24 @@ class DiscreteCell:
         """Send all events to `emit` from now on."""
         self._emit = emit
 
-    def watch(self, run_id: str) -> None:
+    @property
+    def executors(self) -> dict[str, Executor]:
+        """The cell itself, for each agent."""
+        return dict.fromkeys(self.agents, self)
+
+    def watch(self) -> None:
         """Say the first safety state of each agent that is watched."""
         for agent in self._scenario.safety.agents:
-            self._say_safety(agent, 1.0, run_id)
+            self._say_safety(agent, 1.0)
+
+    def stop(self) -> None:
+        """Do nothing: without work, nothing happens here."""
 
     def start(self, command: Command) -> None:
         """Begin a command after the agent's gap."""
         execution, gap_ns = self._draw(command)
         self._given[command.execution_id] = execution
-        self._queue.schedule(self._queue.now_ns + gap_ns, partial(self._begin, execution), _BEGIN)
+        self._clock.schedule(self._clock.now_ns + gap_ns, partial(self._begin, execution), _BEGIN)
 
     def cancel(self, execution_id: str, reason: str) -> None:
         """End an execution as canceled, now."""
@@ -140,20 +153,19 @@ class DiscreteCell:
         command = execution.command
         if command.execution_id not in self._given:
             return
-        execution.since_ns = self._queue.now_ns
+        execution.since_ns = self._clock.now_ns
         execution.remaining_ns = execution.work_ns
         self._running[command.agent] = execution
         self._emit(
             event_on(
                 TaskStarted,
                 command,
-                time_ns=self._queue.now_ns,
-                seq=self._next_seq(),
+                time_ns=self._clock.now_ns,
                 planned_start_ns=command.planned_start_ns,
                 planned_end_ns=command.planned_end_ns,
             )
         )
-        self._refresh(command.run_id)
+        self._refresh()
 
     def _end(self, execution: _Execution, version: int) -> None:
         if execution.version == version:
@@ -176,7 +188,7 @@ class DiscreteCell:
             )
         )
         self._emit(self._ended(execution))
-        self._refresh(command.run_id)
+        self._refresh()
 
     def _ended(self, execution: _Execution) -> TaskEnded:
         command = execution.command
@@ -184,8 +196,7 @@ class DiscreteCell:
         return event_on(
             TaskEnded,
             command,
-            time_ns=self._queue.now_ns,
-            seq=self._next_seq(),
+            time_ns=self._clock.now_ns,
             outcome=execution.outcome,
             reason=execution.reason,
             planned_duration_s=self._scenario.durations_s[execution.key] if planned else None,
@@ -194,7 +205,7 @@ class DiscreteCell:
             target=execution.target,
         )
 
-    def _refresh(self, run_id: str) -> None:
+    def _refresh(self) -> None:
         """Set every rate by what runs now, and with it the instant of every end."""
         for execution in self._running.values():
             rate = self._rate(execution)
@@ -205,7 +216,7 @@ class DiscreteCell:
                 self._schedule_end(execution)
         for agent in self._scenario.safety.agents:
             running = self._running.get(agent)
-            self._say_safety(agent, min(running.rate, 1.0) if running else 1.0, run_id)
+            self._say_safety(agent, min(running.rate, 1.0) if running else 1.0)
 
     def _rate(self, execution: _Execution) -> float:
         row = self._scenario.rates[execution.key]
@@ -215,24 +226,22 @@ class DiscreteCell:
         return rate
 
     def _advance(self, execution: _Execution) -> None:
-        now_ns = self._queue.now_ns
+        now_ns = self._clock.now_ns
         execution.remaining_ns -= (now_ns - execution.since_ns) * max(execution.rate, 0.0)
         execution.since_ns = now_ns
 
     def _schedule_end(self, execution: _Execution) -> None:
         if execution.rate > 0.0:
             end_ns = execution.since_ns + round(execution.remaining_ns / execution.rate)
-            self._queue.schedule(end_ns, partial(self._end, execution, execution.version), _END)
+            self._clock.schedule(end_ns, partial(self._end, execution, execution.version), _END)
 
-    def _say_safety(self, agent: str, scale: float, run_id: str) -> None:
+    def _say_safety(self, agent: str, scale: float) -> None:
         mode = "stopped" if scale == 0.0 else "reduced" if scale < 1.0 else "normal"
         if self._modes.get(agent) != (mode, scale):
             self._modes[agent] = (mode, scale)
             self._emit(
                 SafetyStateChanged(
-                    time_ns=self._queue.now_ns,
-                    run_id=run_id,
-                    seq=self._next_seq(),
+                    time_ns=self._clock.now_ns,
                     agent=agent,
                     mode=mode,
                     speed_scale=scale,
@@ -250,7 +259,6 @@ class DiscreteCell:
         return event_on(
             kind,
             command,
-            time_ns=self._queue.now_ns,
-            seq=self._next_seq(),
+            time_ns=self._clock.now_ns,
             cause=Cause.SAFETY,
         )

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from heapq import heappop, heappush
 
-Action = Callable[[], None]
+from hrclog.recorders.clock import Action
 
 
 class EventQueue:
-    """What is going to happen, and the simulated clock.
+    """What is going to happen, and the simulated clock; a `Clock` for one thread.
 
     Args:
         now_ns: where the clock starts, in ns.
@@ -25,8 +25,12 @@ class EventQueue:
         heappush(self._heap, (max(time_ns, self.now_ns), priority, self._sequence, action))
         self._sequence += 1
 
-    def run(self) -> None:
-        """Let everything happen, and what comes of it, until nothing is left."""
-        while self._heap:
+    def submit(self, action: Action) -> None:
+        """Let an action happen now, before anything else."""
+        action()
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Let everything happen, and what comes of it, until `until` is true or nothing is left."""
+        while self._heap and not until():
             self.now_ns, _, _, action = heappop(self._heap)
             action()

@@ -5,22 +5,29 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from hrclog._version import __version__
+from hrclog.errors import ScenarioError
 from hrclog.events import Event, Outcome, RunEnded, RunStarted
 from hrclog.ids import Uuid7Generator
-from hrclog.plan import Plan, check_plan, with_planned_times
+from hrclog.plan import Plan, PlanItem, check_plan, with_planned_times
 from hrclog.random_plans import random_plans
-from hrclog.sim.discrete import DiscreteCell
-from hrclog.sim.dispatch import SimulatedDispatcher
+from hrclog.recorders.clock import Clock
+from hrclog.recorders.dispatch_policy import DispatchPolicy
+from hrclog.recorders.dispatcher import Dispatcher
+from hrclog.recorders.executor import Executor
+from hrclog.sim.engine import ENGINES, make_engine
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.stream import Stream
 from hrclog.sim.truth import RunTruth
+
+if TYPE_CHECKING:
+    from hrclog.log.encode import Signal
 
 BASE_EPOCH_NS: Final = 1_735_689_600_000_000_000
 """When the first simulated run starts: 2025-01-01T00:00:00Z."""
@@ -31,13 +38,18 @@ _SLACK: Final = 10
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run as it would be in a log, and the truth about it."""
+    """A run as it would be in a log, and the truth about it.
+
+    `stuck` lists the items that were left when the agents' executions could not go on, none in a sound run.
+    """
 
     events: tuple[Event, ...]
     truth: RunTruth
+    signals: tuple[Signal, ...] = ()
+    stuck: tuple[PlanItem, ...] = ()
 
 
-def simulate_run(scenario: Scenario, seed: int, index: int, plan: Plan | None = None) -> Run:
+def simulate_run(scenario: Scenario, seed: int, index: int, plan: Plan | None = None, engine: str = ENGINES[0]) -> Run:
     """Return the events and the truth of one run.
 
     The same arguments give the same run, whatever else is simulated before or beside it.
@@ -47,38 +59,110 @@ def simulate_run(scenario: Scenario, seed: int, index: int, plan: Plan | None = 
         seed: of the campaign.
         index: number of the run in the campaign, from 0.
         plan: what to carry out; None draws the plan of that number (see `PlanSequence`).
+        engine: one of `ENGINES`.
 
     Raises:
         ScenarioError: the plan does not fit, or the run comes to a standstill.
     """
-    chosen = plan_of(scenario, seed, index) if plan is None else _checked(scenario, plan)
+    given = () if plan is None else (json.dumps(plan.to_json(), sort_keys=True),)
+    chosen = plan_of(scenario, seed, index) if plan is None else fitting_plan(scenario, plan)
+    run = carry_out(scenario, chosen, seed, index, policy_of(scenario), engine=engine, apart=given)
+    if run.stuck:
+        items = ", ".join(f"{item.item_id} ({item.task})" for item in run.stuck[:4])
+        raise ScenarioError(f"{scenario.name}: standstill, agents stop or wait for each other at {items}")
+    return run
+
+
+def carry_out(
+    scenario: Scenario,
+    plan: Plan,
+    seed: int,
+    index: int,
+    policy: DispatchPolicy,
+    *,
+    engine: str = ENGINES[0],
+    others: Callable[[Clock], Mapping[str, Executor]] = lambda _: {},
+    apart: tuple[str, ...] = (),
+    name: str = "",
+) -> Run:
+    """Return what comes of a plan in simulated time.
+
+    Args:
+        scenario: the cell.
+        plan: fits the scenario, with planned times.
+        seed: of the campaign.
+        index: number of the run in the campaign, from 0.
+        policy: how the plan is handed out.
+        engine: one of `ENGINES`.
+        others: makes executors that act for agents in place of the engine.
+        apart: what sets the ids of this run apart from those of others with the same scenario, seed and number.
+        name: of the run; default that of scenario and number.
+
+    Raises:
+        ScenarioError: the items wait for each other in a circle.
+    """
     queue = EventQueue(BASE_EPOCH_NS + index * _spacing_ns(scenario))
+    other_engine = () if engine == ENGINES[0] else (engine, scenario.cell_digest)
+    # runs of different scenarios and plans start at the same instants and may be analysed together
+    id_stream = Stream(seed, index, "ids", scenario.name, scenario.digest, *other_engine, *apart)
+    new_id = Uuid7Generator(lambda: queue.now_ns, id_stream.bits)
+    run_id, name = new_id(), name or run_name(scenario, index)
     events: list[Event] = []
-    next_seq = itertools.count().__next__
-    new_id = Uuid7Generator(lambda: queue.now_ns, _id_stream(scenario, seed, index, plan).bits)
-    run_id, name = new_id(), run_name(scenario, index)
-    streams = {agent: Stream(seed, index, "agent", agent) for agent in scenario.problem.agents}
-    cell = DiscreteCell(scenario, queue, streams, next_seq)
-    dispatcher = SimulatedDispatcher(scenario, chosen, cell, queue, run_id, new_id, next_seq, events.append)
-    events.append(
+
+    def write(event: Event) -> None:
+        events.append(replace(event, run_id=run_id, seq=len(events)))
+
+    cell = make_engine(engine, scenario, queue, seed, index)
+    executors = {**cell.executors, **others(queue)}
+    dispatcher = Dispatcher(
+        plan,
+        scenario.problem,
+        executors,
+        queue,
+        policy,
+        run_id=run_id,
+        emit=write,
+        new_id=new_id,
+        on_done=cell.stop,
+    )
+    write(
         RunStarted(
             time_ns=queue.now_ns,
-            run_id=run_id,
-            seq=next_seq(),
             name=name,
             agents=scenario.problem.agents,
-            plan=chosen.to_json(),
+            plan=plan.to_json(),
             task_properties=scenario.problem.to_json()["tasks"],
-            dispatch_mode=scenario.dispatch_mode,
-            software={"hrclog": __version__, "engine": "events"},
+            dispatch_mode=str(policy.mode),
+            software={"hrclog": __version__, "engine": cell.name},
             seed=seed,
         )
     )
-    cell.watch(run_id)
+    if any(executors[agent] is own for agent, own in cell.executors.items()):
+        cell.watch()
     dispatcher.run()
-    outcome, reason = _verdict(dispatcher)
-    events.append(RunEnded(time_ns=events[-1].time_ns, run_id=run_id, seq=next_seq(), outcome=outcome, reason=reason))
-    return Run(tuple(events), RunTruth(run_id, name, tuple(cell.truth)))
+    outcome, reason = dispatcher.verdict()
+    truth = RunTruth(
+        run_id,
+        name,
+        tuple(cell.truth),
+        tuple(cell.pairs),
+        cell.contacts,
+        "" if outcome == Outcome.SUCCEEDED else outcome,
+    )
+    signals = tuple(replace(signal, run_id=run_id) for signal in cell.signals)
+    write(RunEnded(time_ns=events[-1].time_ns, outcome=outcome, reason=reason))
+    return Run(tuple(events), truth, signals, dispatcher.stuck)
+
+
+def policy_of(scenario: Scenario) -> DispatchPolicy:
+    """Return how a scenario wants its plans handed out; facts come from the plan alone, so none is waited for."""
+    failures = scenario.failures
+    return DispatchPolicy(
+        mode=scenario.dispatch_mode,
+        max_attempts=failures.max_attempts,
+        on_failure=failures.on_failure,
+        max_wait_s=0.0,
+    )
 
 
 def run_name(scenario: Scenario, index: int) -> str:
@@ -124,13 +208,12 @@ def _plan_sequence(scenario: Scenario, seed: int) -> PlanSequence:
     return PlanSequence(scenario, seed)
 
 
-def _id_stream(scenario: Scenario, seed: int, index: int, plan: Plan | None) -> Stream:
-    # runs of different scenarios and plans start at the same instants and may be analysed together
-    given = () if plan is None else (json.dumps(plan.to_json(), sort_keys=True),)
-    return Stream(seed, index, "ids", scenario.name, scenario.digest, *given)
+def fitting_plan(scenario: Scenario, plan: Plan) -> Plan:
+    """Return a plan with planned times.
 
-
-def _checked(scenario: Scenario, plan: Plan) -> Plan:
+    Raises:
+        ScenarioError: the plan does not solve the scenario's problem.
+    """
     check_plan(scenario.problem, plan)
     return plan if all(item.planned_start_s is not None for item in plan.items) else _timed(scenario, plan)
 
@@ -145,12 +228,3 @@ def _spacing_ns(scenario: Scenario) -> int:
     longest_s = max(scenario.durations_s.values()) + max((gap.mean_s for gap in scenario.gap.values()), default=0.0)
     total = sum(count.count for count in scenario.problem.counts)
     return _SLOT_NS * math.ceil(_SLACK * longest_s * total * 1e9 / _SLOT_NS)
-
-
-def _verdict(dispatcher: SimulatedDispatcher) -> tuple[str, str]:
-    if dispatcher.aborted:
-        return Outcome.FAILED, dispatcher.aborted
-    lost = [item_id for item_id, outcome in dispatcher.outcomes.items() if outcome != Outcome.SUCCEEDED]
-    if lost:
-        return Outcome.FAILED, f"{len(lost)} of {len(dispatcher.outcomes)} items did not succeed"
-    return Outcome.SUCCEEDED, ""

@@ -6,42 +6,29 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from hrclog.dispatch_mode import DispatchMode
 from hrclog.errors import ScenarioError
+from hrclog.events import Role
 from hrclog.json_record import JsonRecord, read_json
 from hrclog.problem import PROBLEM_FIELDS, Problem, problem_from_json
+from hrclog.sim.cell import Cell
+from hrclog.sim.cell_json import CELL_FIELDS, TIME_FIELDS, cell_from_json, lognormal_from_json
+from hrclog.sim.lognormal import Lognormal
 
 SCENARIO_FOLDER: Final = Path(__file__).parent / "scenarios"
 
 SKIP: Final = "skip"
 ABORT: Final = "abort"
-SEQUENTIAL: Final = "sequential"
-TIMED: Final = "timed"
+SEQUENTIAL: Final = DispatchMode.SEQUENTIAL
+TIMED: Final = DispatchMode.TIMED
 
 AgentTask = tuple[str, str]
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class Lognormal:
-    """A lognormal time: median in seconds and standard deviation of its logarithm."""
-
-    median_s: float
-    sigma: float
-
-    @property
-    def mu(self) -> float:
-        """Mean of the logarithm of the seconds."""
-        return math.log(self.median_s)
-
-    @property
-    def mean_s(self) -> float:
-        """Mean in seconds."""
-        return self.median_s * math.exp(self.sigma**2 / 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +99,7 @@ class Scenario:
     safety: Safety = Safety()
     dispatch_mode: str = SEQUENTIAL
     description: str = ""
+    cell: Cell | None = None
 
     def __post_init__(self) -> None:
         _check(self)
@@ -146,8 +134,19 @@ class Scenario:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of all that the scenario says, as hexadecimal text."""
-        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()
+        """SHA-256 of all that the scenario says of its discrete events, as hexadecimal text."""
+        scenario = asdict(replace(self, cell=None), dict_factory=_without_usual_role)
+        said = {name: value for name, value in scenario.items() if name != "cell"}
+        return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def cell_digest(self) -> str:
+        """SHA-256 of the physical cell, as hexadecimal text."""
+        return hashlib.sha256(json.dumps(self.cell and asdict(self.cell), sort_keys=True).encode()).hexdigest()
+
+
+def _without_usual_role(fields: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {name: value for name, value in fields if (name, value) != ("role", Role.PRIMARY)}
 
 
 def scenario_names() -> list[str]:
@@ -183,16 +182,15 @@ def scenario_from_json(value: object, where: str) -> Scenario:
     Raises:
         ScenarioError: a field is missing, unknown, wrong or contradicts another.
     """
-    fields = ("name", "description", "problem", "work", "synergies", "gaps", "failures", "safety", "dispatch_mode")
-    record = JsonRecord(value, where, fields)
+    record = JsonRecord(value, where, _SCENARIO_FIELDS)
     parts: dict[str, Any] = {
         "name": record.text("name"),
         "problem": problem_from_json(record.record("problem", PROBLEM_FIELDS)),
         "works": tuple(_work(entry) for entry in record.records("work", _WORK_FIELDS)),
         "synergies": tuple(_synergy(e) for e in record.records("synergies", _SYNERGY_FIELDS, required=False)),
         "gaps": tuple(
-            Gap(e.text("agent"), _lognormal(e))
-            for e in record.records("gaps", ("agent", *_TIME_FIELDS), required=False)
+            Gap(e.text("agent"), lognormal_from_json(e))
+            for e in record.records("gaps", ("agent", *TIME_FIELDS), required=False)
         ),
         "failures": _failures(record),
         "safety": _safety(record),
@@ -200,32 +198,32 @@ def scenario_from_json(value: object, where: str) -> Scenario:
         "description": record.text("description", ""),
     }
     try:
-        return Scenario(**parts)
+        cell = cell_from_json(record.record("cell", CELL_FIELDS)) if "cell" in record else None
+        return Scenario(**parts, cell=cell)
     except ScenarioError as error:
         raise ScenarioError(f"{where}: {error}") from error
 
 
-_TIME_FIELDS = ("median_s", "sigma")
+_SCENARIO_FIELDS = (
+    *("name", "description", "problem", "work", "synergies", "gaps", "failures", "safety", "dispatch_mode"),
+    "cell",
+)
 _WORK_FIELDS = (
-    *("agent", "task", *_TIME_FIELDS),
+    *("agent", "task", *TIME_FIELDS),
     *("failure_probability", "failure_reason", "path_length", "planning"),
 )
 _SYNERGY_FIELDS = ("agent", "task", "other_agent", "other_task", "synergy", "stops")
-
-
-def _lognormal(entry: JsonRecord) -> Lognormal:
-    return Lognormal(entry.positive("median_s"), entry.number("sigma", most=5.0))
 
 
 def _work(entry: JsonRecord) -> Work:
     return Work(
         agent=entry.text("agent"),
         task=entry.text("task"),
-        time=_lognormal(entry),
+        time=lognormal_from_json(entry),
         failure_probability=entry.number("failure_probability", 0.0, most=1.0),
         failure_reason=entry.text("failure_reason", "task failed"),
         path_length=entry.number("path_length", 0.0),
-        planning=_lognormal(entry.record("planning", _TIME_FIELDS)) if "planning" in entry else None,
+        planning=lognormal_from_json(entry.record("planning", TIME_FIELDS)) if "planning" in entry else None,
     )
 
 
@@ -255,10 +253,27 @@ def _check(scenario: Scenario) -> None:
     if not scenario.name or not set(scenario.name) <= _NAME_CHARACTERS:
         expected = "letters, digits, '-' and '_' (it begins file names)"
         raise ScenarioError(f"name: found {scenario.name!r}, expected {expected}; rename it")
-    _check_choice("dispatch_mode", scenario.dispatch_mode, (SEQUENTIAL, TIMED))
+    _check_choice("dispatch_mode", scenario.dispatch_mode, tuple(DispatchMode))
     _check_choice("failures: on_failure", scenario.failures.on_failure, (SKIP, ABORT))
     _check_keys(scenario)
     _check_stops(scenario)
+    if scenario.cell is not None:
+        _check_cell(scenario, scenario.cell)
+
+
+def _check_cell(scenario: Scenario, cell: Cell) -> None:
+    possible = set(scenario.problem.agent_tasks())
+    for agent, task in sorted(possible - set(cell.skill)):
+        raise ScenarioError(f"cell: it is not said how {agent!r} does {task!r}; add it to skills")
+    for agent, task in sorted({(fault.agent, fault.task) for fault in cell.faults}):
+        _check_possible("cell: faults", (agent, task), possible)
+    for kind in scenario.problem.tasks:
+        for agent in kind.agents:
+            boxes = [box.name for box in cell.objects_of(cell.skill[agent, kind.name].objects)]
+            for name in kind.targets:
+                if name not in boxes:
+                    known = ", ".join(boxes) or "none"
+                    raise ScenarioError(f"task {kind.name!r}: target {name!r} is not in the cell, which has {known}")
 
 
 _NAME_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")

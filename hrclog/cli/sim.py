@@ -6,16 +6,22 @@ from pathlib import Path
 
 import click
 
+from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_option, signals_option
 from hrclog.cli.common import Progress, json_option, print_json
+from hrclog.sim.scenario import scenario_names
 
 
-@click.command("sim", context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(
+    "sim",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=f"\b\nScenarios: {', '.join(scenario_names())}",  # \b: names are not broken at their hyphens
+)
 @click.option(
     "--scenario",
     default="paper",
     show_default=True,
     metavar="NAME|FILE",
-    help="paper, failures, three-agents, machine-tending, or a JSON file.",
+    help="One of those below, or a JSON file.",
 )
 @click.option("--runs", type=click.IntRange(min=1), default=50, show_default=True, help="How many runs.")
 @click.option("--seed", type=int, default=1, show_default=True, help="The same seed gives the same bytes.")
@@ -27,13 +33,9 @@ from hrclog.cli.common import Progress, json_option, print_json
     required=True,
     help="Folder for the logs; nothing in it is overwritten.",
 )
-@click.option(
-    "--engine",
-    type=click.Choice(["events"]),
-    default="events",
-    show_default=True,
-    help="events: discrete events with known true synergies.",
-)
+@engine_option
+@safety_option
+@signals_option
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes to use.")
 @json_option
 def command(
@@ -42,13 +44,15 @@ def command(
     seed: int,
     out_dir: Path,
     engine: str,
+    safety: str | None,
+    signals_hz: float | None,
     workers: int,
     as_json: bool,  # noqa: FBT001 - click passes flags by name
 ) -> int:
     """Simulate runs of a cell and write one log each, with the truth beside them.
 
-    Every run carries out another random plan of the scenario. The true rates and the work of every execution go to
-    truth.json, which no estimator reads.
+    Every run carries out another random plan of the scenario. The true synergies and the work of every execution go to
+    truth.json, which no estimator reads. The same command goes on with a campaign that was killed.
 
     \b
     Example:
@@ -56,23 +60,50 @@ def command(
       hrclog analyze simulated/*.mcap
     """  # noqa: D301 - click's \b keeps the line breaks
     from hrclog.sim.campaign import simulate_campaign
-    from hrclog.sim.scenario import load_scenario
     from hrclog.sim.truth import TRUTH_FILE
 
-    cell = load_scenario(scenario)
+    cell = chosen_scenario(scenario, engine, safety, signals_hz)
     simulating = Progress("simulating", runs)
-    paths = simulate_campaign(cell, runs, seed, out_dir, workers, simulating.advance)
-    simulating.done()
+
+    def resuming(count: int) -> None:
+        click.echo(f"resuming: {count} of {runs} runs are there", err=True)
+        simulating.advance(count)
+
+    try:
+        paths = simulate_campaign(cell, runs, seed, out_dir, workers, simulating.advance, engine, resuming)
+    finally:
+        simulating.done()
     truth = out_dir / TRUTH_FILE
+    failed = _failed(truth)
+    contacts = _contacts(truth) if cell.cell and engine == "bullet" else None
     if as_json:
         result = {
             "scenario": cell.name,
             "engine": engine,
+            "safety": cell.cell.safety.policy if cell.cell and engine == "bullet" else None,
             "seed": seed,
             "logs": [str(path) for path in paths],
             "truth": str(truth),
+            "failed_runs": failed,
+            "contacts": contacts,
         }
         print_json(result)
     else:
         click.echo(f"{len(paths)} runs of {cell.name}: {paths[0]} .. {paths[-1].name}, truth in {truth}")
+        if failed:
+            click.echo(f"runs in which something did not succeed: {failed} of {len(paths)}")
+        if contacts is not None:
+            click.echo(f"contacts while moving: {contacts} in {len(paths)} runs")
     return 0
+
+
+def _failed(truth: Path) -> int:
+    from hrclog.sim.truth import read_truth
+
+    return sum(bool(run.outcome) for run in read_truth(truth).runs)
+
+
+def _contacts(truth: Path) -> int:
+    from hrclog.sim.truth import read_truth
+
+    return sum(run.contacts or 0 for run in read_truth(truth).runs)

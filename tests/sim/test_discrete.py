@@ -234,14 +234,14 @@ def test_events_go_to_the_wire_and_back_unchanged(name: str) -> None:
 
 
 def test_the_cell_is_an_executor() -> None:
-    cell = DiscreteCell(load_scenario("paper"), EventQueue(0), {}, lambda: 0)
+    cell = DiscreteCell(load_scenario("paper"), EventQueue(0), {})
     assert isinstance(cell, Executor)
     assert cell.agents == ("human", "robot")
 
 
 def test_an_unknown_execution_is_cancelled_without_a_word() -> None:
     said: list[Event] = []
-    cell = DiscreteCell(load_scenario("paper"), EventQueue(0), {}, lambda: 0)
+    cell = DiscreteCell(load_scenario("paper"), EventQueue(0), {})
     cell.connect(said.append)
     cell.cancel("nobody", "no reason")
     assert said == []

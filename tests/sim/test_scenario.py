@@ -53,7 +53,7 @@ def test_a_name_wins_over_a_file_of_the_folder(tmp_path: Path, monkeypatch: pyte
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
-    with pytest.raises(ScenarioError, match=r"scenario 'nope': neither .*; the names are failures, .*paper"):
+    with pytest.raises(ScenarioError, match=r"scenario 'nope': neither .*; the names are authors-areas, .*paper"):
         load_scenario("nope")
 
 
@@ -72,7 +72,7 @@ STOP = {"agent": "R", "task": "pick", "other_agent": "H", "other_task": "pick", 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (_set("extra", to=1), "unknown field 'extra'; the fields are description, dispatch_mode, failures"),
+        (_set("extra", to=1), "unknown field 'extra'; the fields are cell, description, dispatch_mode, failures"),
         (_set("name", to=""), "name: found '', expected a text that is not empty"),
         (_set("name", to="a/b"), "name: found 'a/b', expected letters, digits"),
         (_set("problem", to=[]), r"problem: found '\[\]', expected a JSON object"),

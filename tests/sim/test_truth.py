@@ -10,7 +10,19 @@ import pytest
 from hrclog.errors import LogExistsError, ScenarioError
 from hrclog.sim.run import simulate_run
 from hrclog.sim.scenario import load_scenario, scenario_names
-from hrclog.sim.truth import read_truth, scenario_truth, write_truth
+from hrclog.sim.truth import (
+    ExecutionTruth,
+    PairTruth,
+    RunTruth,
+    SynergyTruth,
+    TaskTruth,
+    Truth,
+    read_truth,
+    scenario_truth,
+    write_truth,
+)
+
+SAMPLE = Path(__file__).parents[2] / "sample_logs" / "campaign" / "truth.json"
 
 
 @pytest.mark.parametrize("name", scenario_names())
@@ -20,6 +32,46 @@ def test_the_truth_comes_back_from_its_file(name: str, tmp_path: Path) -> None:
     write_truth(tmp_path / "truth.json", truth)
     assert read_truth(tmp_path / "truth.json") == truth
     assert json.loads((tmp_path / "truth.json").read_text())["schema_version"] == 1
+
+
+def test_a_file_that_is_read_and_written_again_keeps_its_bytes(tmp_path: Path) -> None:
+    write_truth(tmp_path / "truth.json", read_truth(SAMPLE))
+    assert (tmp_path / "truth.json").read_bytes() == SAMPLE.read_bytes()
+
+
+def test_what_nobody_knows_is_left_out_and_what_does_not_exist_is_null(tmp_path: Path) -> None:
+    bare = RunTruth("r", "n", (ExecutionTruth("e", "i", "a", "t", 1, "succeeded", 2.0),))
+    full = RunTruth(
+        "r",
+        "n",
+        (ExecutionTruth("e", "i", "a", "t", 1, "succeeded", 2.0, 0.0, 0.5),),
+        (PairTruth("a", "t", "b", "u", 3.0, 2.0, 1.0),),
+        0,
+    )
+    synergies = SynergyTruth("a", "t", "b", "u", None), SynergyTruth("b", "u", "a", "t", None, None, 0.0)
+    truth = Truth("s", 1, "bullet", (TaskTruth("a", "t", None, None, 0.0),), synergies, (bare, full), "ssm")
+    write_truth(tmp_path / "truth.json", truth)
+    value = json.loads((tmp_path / "truth.json").read_text())
+    execution = {"execution_id": "e", "item_id": "i", "agent": "a", "task": "t", "attempt": 1, "outcome": "succeeded"}
+    assert value["runs"] == [
+        {"run_id": "r", "name": "n", "executions": [execution | {"work_s": 2.0}]},
+        {
+            "run_id": "r",
+            "name": "n",
+            "executions": [execution | {"work_s": 2.0, "planning_s": 0.0, "lost_s": 0.5}],
+            "pairs": [
+                {"agent": "a", "task": "t", "other_agent": "b", "other_task": "u", "overlap_s": 3.0, "progress_s": 2.0}
+                | {"caused_progress_s": 1.0}
+            ],
+            "contacts": 0,
+        },
+    ]
+    pair = {"agent": "a", "task": "t", "other_agent": "b", "other_task": "u", "synergy": None}
+    assert value["synergies"][0] == pair
+    assert value["synergies"][1]["overlap_s"] == 0.0
+    assert value["tasks"] == [{"agent": "a", "task": "t", "mu": None, "sigma": None, "failure_probability": 0.0}]
+    assert value["safety"] == "ssm"
+    assert read_truth(tmp_path / "truth.json") == truth
 
 
 def test_every_ordered_pair_of_different_agents_has_one_row_and_pairs_not_given_have_no_effect() -> None:

@@ -1,0 +1,303 @@
+"""The folder of a campaign: its logs, and what is needed to go on with it after it was killed.
+
+While a campaign is under way, `.campaign` in its folder holds
+
+    manifest.json  which campaign it is
+    NAME.json      the truth about a run whose log is written
+    NAME.draft     a file that is being written, and moved out when it is whole
+
+so that the folder itself never holds half a file. When all runs are there, truth.json is written and `.campaign`
+removed, its manifest first.
+"""
+
+from __future__ import annotations
+
+import filecmp
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from hrclog._version import __version__
+from hrclog.errors import LogExistsError, LogWriteError, OutputError, ScenarioError
+from hrclog.log.files import lock, replace_atomically, sync_folder
+from hrclog.log.writer import write_log
+from hrclog.sim.run import Run, run_name
+from hrclog.sim.scenario import Scenario
+from hrclog.sim.truth import (
+    TRUTH_FILE,
+    RunTruth,
+    Truth,
+    compact_json,
+    read_truth,
+    run_from_json,
+    run_to_json,
+    write_truth,
+)
+
+WORK_FOLDER: Final = ".campaign"
+_MANIFEST: Final = "manifest.json"
+_RUNS: Final = "*_*.json"
+_LEFTOVERS: Final = (".hrclog-*.tmp", "*.draft")
+_ELSEWHERE: Final = "choose an empty folder with -o"
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """Which campaign a folder is for: what the bytes of its runs depend on, and how many there will be.
+
+    `cell_digest` and `safety` are "" where no physical cell is simulated.
+    """
+
+    scenario: str
+    digest: str
+    cell_digest: str
+    seed: int
+    engine: str
+    safety: str
+    version: str
+    runs: int
+
+    def __str__(self) -> str:
+        guarded = f", safety {self.safety}" if self.safety else ""
+        return f"{self.runs} runs of {self.scenario}, seed {self.seed}, engine {self.engine}{guarded}"
+
+
+def manifest_of(scenario: Scenario, runs: int, seed: int, engine: str) -> Manifest:
+    """Return the manifest of a campaign."""
+    cell = scenario.cell if engine == "bullet" else None
+    return Manifest(
+        scenario=scenario.name,
+        digest=scenario.digest,
+        cell_digest=scenario.cell_digest if cell else "",
+        seed=seed,
+        engine=engine,
+        safety=cell.safety.policy if cell else "",
+        version=__version__,
+        runs=runs,
+    )
+
+
+@contextmanager
+def campaign_folder(scenario: Scenario, manifest: Manifest, path: Path) -> Iterator[CampaignFolder]:
+    """Make a folder ready for a campaign, new or resumed, and keep other processes out of it meanwhile.
+
+    Args:
+        scenario: names the runs.
+        manifest: of the campaign.
+        path: of the folder.
+
+    Raises:
+        LogExistsError: the folder holds something else that is in the way.
+        LogWriteError: another process is at it, or it cannot be written.
+        OutputError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(path, f"cannot be made ({error.strerror})") from error
+    with _alone(path):
+        folder = CampaignFolder(path, manifest, lambda index: run_name(scenario, index))
+        folder.begin()
+        try:
+            yield folder
+        finally:
+            folder.leave()
+
+
+class CampaignFolder:
+    """A folder in which one campaign is under way.
+
+    `resumed` says whether it was before; `done` holds the truth about the runs that are there, by number.
+
+    Args:
+        path: the folder.
+        manifest: of the campaign.
+        name_of: returns the name of the run of a number.
+    """
+
+    def __init__(self, path: Path, manifest: Manifest, name_of: Callable[[int], str]) -> None:
+        self.path = path
+        self.resumed = False
+        self.done: dict[int, RunTruth] = {}
+        self._work = path / WORK_FOLDER
+        self._manifest = manifest
+        self._name_of = name_of
+
+    def log(self, index: int) -> Path:
+        """Return the log of a run."""
+        return self.path / f"{self._name_of(index)}.mcap"
+
+    def begin(self) -> None:
+        """Check that nothing else is in the way, clear up, and find the runs that are there.
+
+        Raises:
+            LogExistsError: something is in the way.
+            LogWriteError: the folder cannot be written.
+        """
+        found = self._found()
+        if found is None:
+            with suppress(OSError):
+                self._clear()  # a campaign was killed when it had hardly begun, or was all but over
+            self._check_empty()
+        else:
+            self._check_same(found)
+        with _told(self._work):
+            self._work.mkdir(exist_ok=True)
+            _remove(self._work, *_LEFTOVERS)
+        if found != self._manifest:
+            text = compact_json(asdict(self._manifest)).encode()
+            replace_atomically(self._work / _MANIFEST, lambda stream: stream.write(text))
+        self.resumed = found is not None
+        self.done = self._done()
+
+    def finish(self, truth: Truth) -> None:
+        """Write the truth about all runs, and leave nothing else behind.
+
+        Raises:
+            LogWriteError: the folder cannot be written.
+        """
+        draft = self._work / "truth.draft"
+        write_truth(draft, truth)
+        with _told(self.path):
+            draft.replace(self.path / TRUTH_FILE)
+            sync_folder(self.path)
+            self._clear()
+
+    def leave(self) -> None:
+        """Leave what it takes to resume, which is nothing where no run is there."""
+        if not any(self.log(index).exists() for index in range(self._manifest.runs)):
+            with suppress(OSError):
+                self._clear()
+
+    def _found(self) -> Manifest | None:
+        """Return the manifest of the campaign that is under way here."""
+        path = self._work / _MANIFEST
+        try:
+            return Manifest(**json.loads(path.read_text(encoding="utf-8")))
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except (OSError, ValueError, TypeError) as error:
+            remedy = f"it cannot be read as a campaign of this hrclog ({error}); remove {self._work} or {_ELSEWHERE}"
+            raise LogExistsError(path, remedy) from error
+
+    def _check_empty(self) -> None:
+        """Raise if a file would be overwritten."""
+        for path in (self.path / TRUTH_FILE, *map(self.log, range(self._manifest.runs))):
+            if path.exists():
+                raise LogExistsError(path, _ELSEWHERE + self._finished_campaign())
+
+    def _finished_campaign(self) -> str:
+        try:
+            truth = read_truth(self.path / TRUTH_FILE)
+        except ScenarioError:
+            return ""
+        safety = truth.safety or ""
+        there = Manifest(truth.scenario, "", "", truth.seed, truth.engine, safety, "", len(truth.runs))
+        return f" (a finished campaign is there: {there})"
+
+    def _check_same(self, found: Manifest) -> None:
+        """Raise unless the campaign that is under way is this one, and the number of runs can still be chosen."""
+        own = self._manifest
+        if replace(found, runs=own.runs) != own:
+            which = str(found)
+            if found.version != own.version:
+                which += f", by hrclog {found.version}"
+            elif replace(found, runs=own.runs, digest=own.digest, cell_digest=own.cell_digest) == own:
+                which += ", whose scenario said something else"
+            remedy = f"it is an unfinished campaign: {which}; finish it with its own command or {_ELSEWHERE}"
+            raise LogExistsError(self._work, remedy)
+        beyond = [index for index in range(own.runs, found.runs) if self.log(index).exists()]
+        if beyond:
+            remedy = f"the unfinished campaign here is longer: ask for at least {beyond[-1] + 1} runs or {_ELSEWHERE}"
+            raise LogExistsError(self.log(beyond[0]), remedy)
+        for path in map(self.log, range(found.runs, own.runs)):
+            if path.exists():
+                raise LogExistsError(path, f"the unfinished campaign here ({found}) did not write it; {_ELSEWHERE}")
+
+    def _done(self) -> dict[int, RunTruth]:
+        found: dict[int, RunTruth] = {}
+        for index in range(self._manifest.runs):
+            truth = _read_run(self._work / f"{self._name_of(index)}.json")
+            if truth is not None and self.log(index).exists():
+                found[index] = truth
+        return found
+
+    def _clear(self) -> None:
+        _remove(self._work, _MANIFEST, _RUNS, *_LEFTOVERS)  # without its manifest, a campaign is over
+        with suppress(OSError):  # somebody else keeps files there
+            self._work.rmdir()
+
+
+def add_run(path: Path, run: Run) -> None:
+    """Write the log of a run into the folder of its campaign, then the truth about it: each whole, or not at all.
+
+    Args:
+        path: the folder.
+        run: what to write.
+
+    Raises:
+        LogExistsError: another log of that name is there; one that is the same is left as it is.
+        LogWriteError: a file cannot be written.
+    """
+    name = run.truth.name
+    log, draft = path / f"{name}.mcap", path / WORK_FOLDER / f"{name}.draft"
+    write_log(draft, run.events, run.signals)
+    with _told(log):
+        if not log.exists():
+            draft.replace(log)
+        else:
+            same = filecmp.cmp(draft, log, shallow=False)
+            draft.unlink()
+            if not same:
+                remedy = f"it is not what run {name} of this campaign gives; move it away or {_ELSEWHERE}"
+                raise LogExistsError(log, remedy)
+        # not synced, which would take as long again: where a crash of the operating system damages it, the run is made
+        # again
+        part = draft.with_suffix(".json")
+        draft.write_bytes(compact_json(run_to_json(run.truth)).encode())
+        draft.replace(part)
+
+
+def _read_run(path: Path) -> RunTruth | None:
+    try:
+        return run_from_json(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, KeyError, TypeError):  # without it the run is made again
+        return None
+
+
+def _remove(folder: Path, *patterns: str) -> None:
+    for pattern in patterns:
+        for path in list(folder.glob(pattern)):
+            path.unlink()
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        reason = f"cannot be written ({error.strerror})"
+        raise LogWriteError(path, reason, "choose a folder that can be written") from error
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Lock a folder; the lock ends with the process, however that ends."""
+    if os.name != "posix":
+        yield
+        return
+    try:
+        fd = os.open(path, os.O_RDONLY)
+    except OSError as error:
+        raise OutputError(path, f"cannot be read ({error.strerror})") from error
+    try:
+        if not lock(fd, wait=False):
+            remedy = "wait until it is done, or choose another folder with -o"
+            raise LogWriteError(path, "another process is simulating into this folder", remedy)
+        yield
+    finally:
+        os.close(fd)

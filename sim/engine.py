@@ -1,0 +1,89 @@
+"""What a simulated run asks of a cell, and the cells there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final, Protocol
+
+from hrclog.errors import ScenarioError
+from hrclog.recorders.clock import Clock
+from hrclog.recorders.executor import Executor
+from hrclog.sim.truth import ExecutionTruth, PairTruth
+
+if TYPE_CHECKING:
+    from hrclog.log.encode import Signal
+    from hrclog.sim.scenario import Scenario
+
+ENGINES: Final = ("events", "bullet")
+"""Names of the cells, the usual one first."""
+
+
+class Engine(Protocol):
+    """A cell in simulated time.
+
+    Its events need neither `run_id` nor `seq`. What it wants to do at an instant it schedules with its clock.
+    """
+
+    @property
+    def name(self) -> str:
+        """What the log says made the run."""
+        ...
+
+    @property
+    def executors(self) -> Mapping[str, Executor]:
+        """Who carries out the tasks, by agent."""
+        ...
+
+    @property
+    def truth(self) -> Sequence[ExecutionTruth]:
+        """The truth about the executions that have ended, in order of their ends."""
+        ...
+
+    @property
+    def pairs(self) -> Sequence[PairTruth]:
+        """What tasks did to each other, where the cell can only tell afterwards."""
+        ...
+
+    @property
+    def contacts(self) -> int | None:
+        """How often the moving robot touched the human; None where nobody looks."""
+        ...
+
+    @property
+    def signals(self) -> Sequence[Signal]:
+        """The samples taken so far, in order of time."""
+        ...
+
+    def watch(self) -> None:
+        """Begin: say the first safety states; called once, at the start of the run, before the first command."""
+        ...
+
+    def stop(self) -> None:
+        """End: called once, when the dispatcher has nothing left to do; nothing need be scheduled any more."""
+        ...
+
+
+def make_engine(name: str, scenario: Scenario, clock: Clock, seed: int, index: int) -> Engine:
+    """Return a new cell for one run.
+
+    Args:
+        name: one of `ENGINES`.
+        scenario: what the cell is like.
+        clock: stands at the start of the run.
+        seed: of the campaign.
+        index: number of the run in the campaign.
+
+    Raises:
+        ScenarioError: there is no such engine, or it cannot carry out the scenario.
+    """
+    if name == "events":
+        from hrclog.sim.discrete import DiscreteCell
+        from hrclog.sim.stream import Stream
+
+        streams = {agent: Stream(seed, index, "agent", agent) for agent in scenario.problem.agents}
+        return DiscreteCell(scenario, clock, streams)
+    if name == "bullet":
+        from hrclog.sim.bullet import BulletCell
+
+        return BulletCell(scenario, clock, seed, index)
+    raise ScenarioError(f"engine {name!r}: unknown; the engines are {', '.join(ENGINES)}")
