@@ -15,4 +15,9 @@ for sample in "single paper 7" "failures failures 3" "three_agents three-agents 
   "$hrclog" sim --scenario "$scenario" --runs 1 --seed "$seed" -o "$work/$name"
   mv "$work/$name"/*.mcap "$out/$name.mcap"
 done
+for sample in "cell_areas paper areas" "cell_ssm kitting ssm"; do
+  read -r name scenario safety <<<"$sample"
+  "$hrclog" sim --scenario "$scenario" --engine bullet --safety "$safety" --signals-hz 5 --runs 1 --seed 2 -o "$work/$name"
+  mv "$work/$name"/*.mcap "$out/$name.mcap"
+done
 "$python" "$here/killed.py" "$out/killed.mcap"
