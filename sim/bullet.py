@@ -22,7 +22,7 @@ from hrclog.log.encode import Signal
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.executor import Emit, Executor
 from hrclog.sim import human
-from hrclog.sim.cell import LOOKS_HZ, Cell, Point
+from hrclog.sim.cell import LOOKS_HZ, Cell, Point, check_policy
 from hrclog.sim.cell_signals import CellSignals
 from hrclog.sim.couplings import Couplings, Going
 from hrclog.sim.executors import HumanExecutor, RobotExecutor
@@ -348,9 +348,10 @@ def with_policy(scenario: Scenario, policy: str) -> Scenario:
     """Return a scenario guarded by another safety policy.
 
     Raises:
-        ScenarioError: it has no cell.
+        ScenarioError: it has no cell, there is no such policy, or the cell has no areas for it.
     """
     cell = cell_of(scenario)
+    check_policy(policy)
     if policy == AREAS and not cell.safety.areas.areas:
         raise ScenarioError(f"scenario {scenario.name!r}: its cell has no areas; add some or choose another policy")
     return replace(scenario, cell=replace(cell, safety=replace(cell.safety, policy=policy)))

@@ -9,7 +9,7 @@ from typing import Final
 
 from hrclog.errors import ScenarioError
 from hrclog.sim.lognormal import Lognormal
-from hrclog.sim.safety_settings import AREAS, POLICIES, SafetySettings
+from hrclog.sim.safety_settings import POLICIES, SafetySettings
 
 Point = tuple[float, float, float]
 AgentTask = tuple[str, str]
@@ -230,9 +230,6 @@ def check_policy(name: str) -> None:
     """
     if name not in POLICIES:
         raise ScenarioError(f"safety policy: found {name!r}, expected one of {', '.join(POLICIES)}")
-
-
-DEFAULT_POLICY: Final = AREAS
 
 
 def _check_names(what: str, names: Iterable[str]) -> None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from hrclog.events import Cause
 from hrclog.sim.cell import GO_TO, PICK, Point, Skill
-from hrclog.sim.human import HumanMotion, hand_position, handle, standing, walk
+from hrclog.sim.human import HumanMotion, handle, standing, walk
 from hrclog.sim.robot import RobotMotion, RobotPlanner, Target
 from hrclog.sim.stepped import TICK_S, CannotError, Execution, Shared, Step, SteppedExecutor
 from hrclog.sim.stream import Stream
@@ -203,10 +203,6 @@ class HumanExecutor(SteppedExecutor):
         """Stay where a motion has come to."""
         if isinstance(step.motion, HumanMotion):
             self._joints = step.motion.at(done_s)
-
-    def hand(self) -> FloatArray:
-        """Return where the right hand is, m, shape (3,)."""
-        return hand_position(self.joints())
 
     def _liked(self, found: list[tuple[str, Point]], chance: float) -> tuple[str, Point]:
         """Return one of the nearest things: people look for what is at hand, not for what is nearest to the inch."""

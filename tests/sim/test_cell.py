@@ -12,12 +12,13 @@ from cells import cell_json, parsed, small_cell, small_scenario
 from hrclog.errors import ScenarioError
 from hrclog.json_record import JsonRecord
 from hrclog.log.encode import SceneSignal, signal_message
+from hrclog.sim.bullet import with_policy
 from hrclog.sim.cell import Box, Fault, Pose, ProtectiveStop, Skill, Slot, Stand, check_policy
 from hrclog.sim.cell_json import CELL_FIELDS, cell_from_json
 from hrclog.sim.cell_signals import scene_of
 from hrclog.sim.lognormal import Lognormal
 from hrclog.sim.safety_settings import Area, AreasSettings, Band, DistanceSettings, SafetySettings, Slew, SsmSettings
-from hrclog.sim.scenario import SCENARIO_FOLDER, scenario_from_json
+from hrclog.sim.scenario import SCENARIO_FOLDER, load_scenario, scenario_from_json
 
 AREA = {"name": "red", "low": [0, 0], "high": [1, 2], "scale": 0.0}
 
@@ -323,3 +324,8 @@ def test_faults_of_tasks_that_nobody_does_are_refused() -> None:
     fault = {"agent": "robot", "task": "dance", "probability": 0.25, "reason": "slipped"}
     with pytest.raises(ScenarioError, match="cell: faults: 'dance' by 'robot' is not in the problem"):
         small_scenario(small_cell({"faults": [fault]}))
+
+
+def test_a_scenario_cannot_be_guarded_by_a_policy_that_does_not_exist() -> None:
+    with pytest.raises(ScenarioError, match="found 'fast', expected one of areas, distance, ssm"):
+        with_policy(load_scenario("paper"), "fast")
