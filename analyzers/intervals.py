@@ -122,7 +122,9 @@ def _pair(task_events: pl.DataFrame, keys: pl.DataFrame) -> pl.DataFrame:
         *_KEY, *_START_FIELDS, *_PLANNED, pl.col("time_ns").alias("start_ns")
     )
     ends = regular.filter(pl.col("kind") == "task_ended").select(*_KEY, *_END_FIELDS, pl.col("time_ns").alias("end_ns"))
-    plans = regular.filter(pl.col("kind") == "task_dispatched").select(*_KEY, *_PLANNED, "item_id")
+    plans = regular.filter(pl.col("kind") == "task_dispatched").select(
+        *_KEY, *_PLANNED, "item_id", pl.col("time_ns").alias("dispatched_ns")
+    )
     joined = starts.join(ends, on=_KEY, how="left").join(plans, on=_KEY, how="left", suffix="_dispatched")
     return (
         joined.select(
@@ -132,6 +134,7 @@ def _pair(task_events: pl.DataFrame, keys: pl.DataFrame) -> pl.DataFrame:
             .then("item_id")
             .otherwise(pl.col("item_id_dispatched").fill_null(""))
             .alias("item_id"),
+            "dispatched_ns",
             "start_ns",
             "end_ns",
             pl.col("outcome").fill_null(UNKNOWN_OUTCOME),
@@ -198,16 +201,16 @@ def _facts(row: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
     """Return what an accepted event adds to its execution's row."""
     match row["kind"]:
         case "task_dispatched":
-            names: tuple[str, ...] = (*_START_FIELDS, *_PLANNED)
+            dispatched = {"dispatched_ns": row["time_ns"]}
+            return {name: row[name] for name in (*_START_FIELDS, *_PLANNED)} | dispatched
         case "task_started":
             planned = {name: row[name] if row[name] is not None else known.get(name) for name in _PLANNED}
             item = row["item_id"] or known.get("item_id", "")
             return {name: row[name] for name in _START_FIELDS} | planned | {"item_id": item}
         case "task_ended":
-            names = tuple(name for name in _END_FIELDS if name != "outcome")
+            return {name: row[name] for name in _END_FIELDS if name != "outcome"}
         case _:
-            names = ()
-    return {name: row[name] for name in names}
+            return {}
 
 
 def _outcome(state: ExecutionState) -> dict[str, Any]:

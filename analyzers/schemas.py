@@ -21,6 +21,7 @@ INTERVALS: Final = pl.Schema(
         "parent_execution_id": pl.String,  # set on sub-steps of a sequence
         "item_id": pl.String,  # the plan item; shared by retries
         "attempt": pl.Int64,
+        "dispatched_ns": pl.Int64,  # when its agent was told to, null where the log does not say
         "start_ns": pl.Int64,
         "end_ns": pl.Int64,  # null while open
         "until_ns": pl.Int64,  # end_ns; of an open execution its agent's next start, else its run's last sign of life

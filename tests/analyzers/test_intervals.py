@@ -75,6 +75,7 @@ def _expected(state: ExecutionState, accepted: list[Row], events: pl.DataFrame, 
     }
     return (
         {name: start[name] for name in kept}
+        | {"dispatched_ns": plan.get("time_ns")}
         | ends
         | plans
         | {
@@ -242,8 +243,8 @@ def test_what_was_written_comes_back_as_intervals(tmp_path: Path) -> None:
     write_log(tmp_path / "run.mcap", written)
     found = intervals(read_log(tmp_path / "run.mcap").events).to_dicts()[0]
     expected = identity | {
-        "role": "primary", "parent_execution_id": "", "item_id": "i", "attempt": 1, "start_ns": 10, "end_ns": 25,
-        "until_ns": 25, "outcome": "failed", "reason": "slipped", "paused_ns": 0, "planned_start_ns": 11,
+        "role": "primary", "parent_execution_id": "", "item_id": "i", "attempt": 1, "dispatched_ns": 5, "start_ns": 10,
+        "end_ns": 25, "until_ns": 25, "outcome": "failed", "reason": "slipped", "paused_ns": 0, "planned_start_ns": 11,
         "planned_end_ns": 21, "planned_duration_s": None, "planning_time_s": None, "path_length": 2.5,
         "target": "box_1", "path": str(tmp_path / "run.mcap"),
     }  # fmt: skip

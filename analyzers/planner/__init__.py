@@ -1,0 +1,1 @@
+"""Judge plans by what was learnt, and find good ones."""

@@ -1,0 +1,1 @@
+"""What was learnt from runs, kept where planners find it."""
