@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -106,16 +106,25 @@ def encode_plans(
     for index, (plan, schedule) in enumerate(zip(plans, schedules, strict=True)):
         _note_waits(waits[index], agents, schedule)
         _note_instants(not_before[index], agents, plan, schedule, timed=mode is DispatchMode.TIMED)
-    return Encoded(
-        plain.agents,
-        plain.keys,
-        plain.task,
-        plain.repeat,
-        waits if waits.any() else None,
-        not_before if not_before.any() else None,
-        resources := _resources(problem, plain),
-        None if resources is None else _asked(agents, plans),
+    resources = encode_resources(problem, plain)
+    return replace(
+        plain,
+        waits=waits if waits.any() else None,
+        not_before_s=not_before if not_before.any() else None,
+        resources=resources,
+        asked=None if resources is None else _asked(agents, plans),
     )
+
+
+def encode_resources(problem: Problem, plans: Encoded) -> Ints | None:
+    """Return what each item holds while it lasts, as a set of bits, shape as `task`; None if nothing is held."""
+    held = {task.name: task.resources for task in problem.tasks}
+    names = sorted({name for resources in held.values() for name in resources})
+    if not names:
+        return None
+    bits = np.array([sum(1 << names.index(name) for name in held[task]) for _, task in plans.keys] + [0], np.int64)
+    found: Ints = bits[plans.task]
+    return found
 
 
 def repeats(task: Ints) -> Ints:
@@ -160,13 +169,3 @@ def _note_instants(not_before: Floats, agents: Sequence[str], plan: Plan, schedu
             if timed and item.planned_start_s is not None:
                 instants.append(item.planned_start_s)
             not_before[agents.index(agent), position] = max(instants, default=0.0)
-
-
-def _resources(problem: Problem, plain: Encoded) -> Ints | None:
-    held = {task.name: tuple(getattr(task, "resources", ())) for task in problem.tasks}
-    names = sorted({name for resources in held.values() for name in resources})
-    if not names:
-        return None
-    bits = np.array([sum(1 << names.index(name) for name in held[task]) for _, task in plain.keys] + [0], np.int64)
-    found: Ints = bits[plain.task]
-    return found

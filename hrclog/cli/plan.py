@@ -1,57 +1,231 @@
-"""`hrclog plan`: plans as files."""
+"""`hrclog plan`: find a plan by what was learnt, judge one, or draw random ones."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from hrclog.cli.common import json_option, print_json
+from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
+from hrclog.cli.problem_file import load_problem, problem_argument
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.planner.forecast import Forecast
+    from hrclog.knowledge.task_times import TaskTimes
+    from hrclog.plan import Plan
+    from hrclog.problem import Problem
+    from hrclog.sim.scenario import Scenario
+
+METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighboring", "random")
+VARIABLE: Final = "HRCLOG_KB"
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--scenario", default="paper", show_default=True, metavar="NAME|FILE", help="What is to be planned.")
+@problem_argument
 @click.option(
-    "--random", "count", type=click.IntRange(min=1), required=True, metavar="N", help="Draw N different plans."
+    "--kb",
+    envvar=VARIABLE,
+    metavar="KB",
+    help=f"What was learnt: kb.sqlite or postgresql://USER@HOST/DATABASE.  [default: what {VARIABLE} says]",
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="The same seed gives the same plans.")
+@click.option(
+    "--objective",
+    type=click.Choice(["mean", "p95"]),
+    default="mean",
+    show_default=True,
+    help="Of the makespan: its expectation, or what 95 % of runs stay below.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default="auto",
+    show_default=True,
+    metavar="METHOD",
+    help=f"How to look for a plan: {', '.join(METHODS)}.",
+)
+@click.option("--seed", type=int, default=1, show_default=True, help="The same seed gives the same plan.")
+@click.option(
+    "--effort",
+    type=click.IntRange(min=100),
+    default=60_000,
+    show_default=True,
+    metavar="N",
+    help="Plans that local search may judge.",
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="S",
+    help="Stop searching after S seconds; the plan then depends on the machine.  [default: no limit, 60 for cpsat]",
+)
+@click.option(
+    "--synergy",
+    "overrides",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Suppose other factors between tasks than were learnt.",
+)
+@click.option(
+    "--avoid",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Pairs that not-neighboring keeps apart.  [default: those that were learnt to hinder each other]",
+)
+@click.option("--explore", is_flag=True, help="Try pairs of which little is known, now and then (by --seed).")
+@click.option(
+    "--judge",
+    "given",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="PLAN",
+    help="Say what is to be expected of this plan rather than look for one.",
+)
+@click.option(
+    "--from",
+    "run_log",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="LOG",
+    help="Plan what is left to do in a run that goes on (or broke off), by its log.",
+)
+@click.option("--show", is_flag=True, help="Draw the planned timelines.")
+@click.option("--random", "count", type=click.IntRange(min=1), metavar="N", help="Draw N different plans into -o DIR.")
 @click.option(
     "-o",
     "--output",
-    "out_dir",
-    type=click.Path(file_okay=False, path_type=Path),
-    required=True,
-    help="Folder for the plans; nothing in it is overwritten.",
+    "out",
+    type=click.Path(path_type=Path),
+    metavar="PLAN|DIR",
+    help="The plan's file, or with --random the folder; nothing is overwritten.",
 )
 @json_option
-def command(scenario: str, count: int, seed: int, out_dir: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
-    """Draw random plans of a scenario and write one file each, plan-001.json and so on.
+def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its options hold
+    """Find the best plan of a problem by what was learnt, and say what is to be expected of it.
+
+    PROBLEM is a scenario's name, or the file of a scenario or of a problem.
 
     \b
     Example:
-      hrclog plan --scenario paper --random 10 --seed 1 -o plans
-      hrclog run plans/plan-001.json -o first.mcap
+      hrclog sim --scenario paper --runs 20 -o runs
+      hrclog kb ingest runs --kb kb.sqlite
+      hrclog plan paper --kb kb.sqlite --show -o plan.json
+      hrclog plan paper --random 10 --seed 1 -o plans
     """  # noqa: D301 - click's \b keeps the line breaks
+    problem, scenario = load_problem(options["problem_name"])
+    _check_output(options)
+    if options["count"]:
+        return _draw(problem, scenario, options)
+    times = _known(problem, options)
+    if options["given"]:
+        return _judge(problem, times, options)
+    return _find(problem, times, options)
+
+
+def _check_output(options: dict[str, Any]) -> None:
+    from hrclog.errors import LogExistsError
+
+    out: Path | None = options["out"]
+    if options["count"] and out is None:
+        raise click.UsageError("--random N writes N plans: give their folder with -o DIR")
+    if out is not None and not options["count"] and out.exists():
+        raise LogExistsError(out, "choose another name with -o")
+
+
+def _known(problem: Problem, options: dict[str, Any]) -> TaskTimes:
+    """Return what is known of the tasks: learnt, guessed, supposed."""
+    from hrclog.analyzers.planner.what_if import read_overrides, with_overrides
+    from hrclog.knowledge import open_knowledge
+    from hrclog.knowledge.task_times import NOTHING, with_guesses
+
+    known, guesses = NOTHING, {}
+    if options["kb"]:
+        with open_knowledge(options["kb"]) as base:
+            known = base.times()
+            guesses = {(agent, task.task): s for task in base.properties() for agent, s in task.expected_s.items()}
+    guesses |= {(agent, task.name): s for task in problem.tasks for agent, s in task.expected_s.items()}
+    known = with_guesses(known, guesses)
+    return with_overrides(known, read_overrides(options["overrides"])) if options["overrides"] else known
+
+
+def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
+    from hrclog.analyzers.planner.find import find_plan
+    from hrclog.analyzers.planner.judge import Objective
+    from hrclog.analyzers.planner.local_search import Effort
+    from hrclog.analyzers.planner.what_if import read_overrides
+    from hrclog.analyzers.planner.wish import Method, Wish
+
+    out: Path | None = options["out"]
+    wish = Wish(
+        Objective(options["objective"]),
+        Method(options["method"]),
+        options["seed"],
+        Effort(options["effort"], options["seconds"] or float("inf")),
+        tuple(read_overrides(options["avoid"])) if options["avoid"] else None,
+        options["explore"],
+    )
+    found = find_plan(problem, times, wish, out.stem if out else "plan")
+    _write(out, found.plan)
+    if options["as_json"]:
+        print_json(found.to_json())
+        return 0
+    click.echo(found_text(found))
+    if options["show"]:
+        click.echo("\n" + timeline_text(found.plan, _ends(found.forecast)))
+    return 0
+
+
+def _judge(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
+    from hrclog.analyzers.planner.forecast import forecast, with_expected_times
+    from hrclog.plan import check_plan, read_plan
+
+    plan = read_plan(options["given"])
+    check_plan(problem, plan)
+    told = forecast(problem, plan, times, seed=options["seed"])
+    timed = with_expected_times(plan, told)
+    _write(options["out"], timed)
+    if options["as_json"]:
+        print_json({"forecast": told.to_json(), "plan": timed.to_json()})
+        return 0
+    click.echo(f"{plan.name}: {forecast_line(told)}")
+    if options["show"]:
+        click.echo("\n" + timeline_text(timed, _ends(told)))
+    return 0
+
+
+def _ends(told: Forecast) -> dict[str, tuple[float, float]]:
+    return {item_id: (low, high) for item_id, (_, _, low, high) in told.items.items()}
+
+
+def _write(out: Path | None, plan: Plan) -> None:
+    from hrclog.plan import write_plan
+
+    if out is not None:
+        write_plan(out, plan)
+
+
+def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) -> int:
+    """Write random plans, a file each."""
     from hrclog.errors import LogExistsError, OutputError
     from hrclog.plan import write_plan
     from hrclog.random_plans import distinct_plans
     from hrclog.sim.run import fitting_plan
-    from hrclog.sim.scenario import load_scenario
 
-    cell = load_scenario(scenario)
-    plans = [fitting_plan(cell, plan) for plan in distinct_plans(cell.problem, count, seed)]
-    paths = [out_dir / f"{plan.name}.json" for plan in plans]
+    out: Path = options["out"]
+    plans = distinct_plans(problem, options["count"], options["seed"])
+    if scenario is not None:
+        plans = [fitting_plan(scenario, plan) for plan in plans]
+    paths = [out / f"{plan.name}.json" for plan in plans]
     for path in paths:
         if path.exists():
             raise LogExistsError(path, "choose an empty folder with -o")
     try:
-        out_dir.mkdir(parents=True, exist_ok=True)
+        out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(out_dir, f"cannot be made ({error.strerror})") from error
+        raise OutputError(out, f"cannot be made ({error.strerror})") from error
     for path, plan in zip(paths, plans, strict=True):
         write_plan(path, plan)
-    if as_json:
-        print_json({"scenario": cell.name, "seed": seed, "plans": [str(path) for path in paths]})
+    if options["as_json"]:
+        print_json({"problem": options["problem_name"], "seed": options["seed"], "plans": [str(p) for p in paths]})
     else:
-        click.echo(f"{len(paths)} plans of {cell.name}: {paths[0]} .. {paths[-1].name}")
+        click.echo(f"{len(paths)} plans of {options['problem_name']}: {paths[0]} .. {paths[-1].name}")
     return 0

@@ -119,6 +119,11 @@ class TaskTimes:
     times: Mapping[AgentTask, TaskTime]
     gaps: Mapping[str, Gap]
 
+    def observed(self, key: AgentTask, other: AgentTask) -> bool:
+        """Return whether it was observed how long the first takes while the second runs."""
+        time = self.times.get(key)
+        return time is not None and any((f.other_agent, f.other_task) == other for f in time.factors)
+
     def to_json(self) -> dict[str, Any]:
         """Return all as JSON values, the inverse of `task_times_from_json`."""
         return {

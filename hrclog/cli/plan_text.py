@@ -1,0 +1,115 @@
+"""What is told of a plan on the terminal: what to expect of it, why it is good, and its items in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Final
+
+from hrclog.cli.common import printable, table
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.planner.find import Found
+    from hrclog.analyzers.planner.forecast import Forecast
+    from hrclog.plan import Plan
+
+_WIDTH: Final = 96
+_PAIRS: Final = 5
+
+
+def found_text(found: Found) -> str:
+    """Return what is told of a plan that was found."""
+    return "\n".join([*_headline(found), "", *_pairs(found), *_doubts(found)])
+
+
+def _headline(found: Found) -> Iterator[str]:
+    told = found.forecast
+    yield f"{found.plan.name}: {forecast_line(told)}"
+    less = 1 - told.mean_s / found.usual_s
+    beside = f"{less:.1%} less than" if less >= 0 else f"{-less:.1%} more than"
+    yield f"  {beside} the {found.usual_s:.1f} s of a random plan; {_how(found)}"
+    bound = f"{found.bound_s:.1f} s ({found.gap:.1%} below it)" if found.bound_s else "none is known"
+    yield f"  undisturbed it takes {told.undisturbed_s:.1f} s; no plan takes less than {bound}"
+
+
+def forecast_line(told: Forecast) -> str:
+    """Return the makespan with what is uncertain about it."""
+    return (
+        f"expected {told.mean_s:.1f} s [{told.mean_low_s:.1f}, {told.mean_high_s:.1f}], "
+        f"90 % of runs {told.run_low_s:.1f} to {told.run_high_s:.1f} s ({told.worlds} runs drawn)"
+    )
+
+
+def _how(found: Found) -> str:
+    if found.search.exhaustive:
+        return f"method {found.wish.method}, the best of all {found.search.judged:,} plans"
+    stopped = f", stopped {found.search.stopped}" if found.search.stopped else ""
+    return f"method {found.wish.method}, {found.search.judged:,} plans judged{stopped}"
+
+
+def _pairs(found: Found) -> Iterator[str]:
+    """Yield the pairs that are kept apart more than by chance, with what that saves."""
+    rows = [
+        (f"{c.task} ({c.agent}) | {c.other_task} ({c.other_agent})", c)
+        for c in found.changes
+        if round(c.saved_s, 1) > 0 and c.overlap_s < c.usual_overlap_s
+    ][:_PAIRS]
+    if rows:
+        yield table(
+            ("kept apart", "side by side s", "in random plans s", "saves s"),
+            [(name, f"{c.overlap_s:.1f}", f"{c.usual_overlap_s:.1f}", f"{c.saved_s:.1f}") for name, c in rows],
+        )
+
+
+def _doubts(found: Found) -> Iterator[str]:
+    if found.guessed:
+        named = ", ".join(f"{task} by {agent}" for agent, task in found.guessed)
+        yield f"guessed, no run shows it yet: {named}"
+    if found.unobserved:
+        named = ", ".join(f"{one[1]} ({one[0]}) | {other[1]} ({other[0]})" for one, other in found.unobserved)
+        yield f"side by side in this plan, and in no run yet: {named}"
+
+
+def timeline_text(plan: Plan, ends: Mapping[str, tuple[float, float]] | None = None) -> str:
+    """Return the planned times of a plan as bars, a line per agent, and a list of its items.
+
+    Args:
+        plan: with planned times.
+        ends: 5 % and 95 % quantiles of each item's end, if they are known.
+    """
+    items = [item for item in plan.items if item.planned_start_s is not None and item.planned_end_s is not None]
+    last = max((item.planned_end_s or 0.0 for item in items), default=0.0)
+    if not last:
+        return f"{plan.name}: no planned times"
+    scale = _WIDTH / last
+    letters = _letters(dict.fromkeys(item.task for item in items))
+    width = max(len(printable(agent)) for agent in plan.agents())
+    lines = []
+    for agent in plan.agents():
+        row = [" "] * (_WIDTH + 1)
+        for item in plan.queue(agent):
+            begin, end = round((item.planned_start_s or 0.0) * scale), round((item.planned_end_s or 0.0) * scale)
+            row[begin : max(end, begin + 1)] = [letters[item.task]] * max(end - begin, 1)
+            row[begin] = "|"
+        lines.append(f"{printable(agent).rjust(width)} {''.join(row).rstrip()}|")
+    ruler = f"{'0'.rjust(width + 2)}{f'{last:.1f} s'.rjust(_WIDTH)}"
+    legend = "  ".join(f"{letter} {printable(task)}" for task, letter in letters.items())
+    return "\n".join([*lines, ruler, legend, "", _items(plan, ends)])
+
+
+def _letters(tasks: Mapping[str, None]) -> dict[str, str]:
+    """Return a letter for each task: one of its own where there is one left."""
+    letters: dict[str, str] = {}
+    for task in tasks:
+        own = [char for char in task if char.isalnum()] + [chr(code) for code in range(ord("A"), ord("Z") + 1)]
+        letters[task] = next((char for char in own if char not in letters.values()), "#")
+    return letters
+
+
+def _items(plan: Plan, ends: Mapping[str, tuple[float, float]] | None) -> str:
+    header = ("item", "agent", "task", "start s", "end s", *(("90 % of ends s",) if ends else ()))
+    rows = []
+    for item in sorted(plan.items, key=lambda item: (item.planned_start_s or 0.0, item.item_id)):
+        start, end = (f"{t:.1f}" if t is not None else "n/a" for t in (item.planned_start_s, item.planned_end_s))
+        spread = (f"{ends[item.item_id][0]:.1f} to {ends[item.item_id][1]:.1f}",) if ends else ()
+        rows.append((item.item_id, item.agent, item.task, start, end, *spread))
+    return table(header, rows, numeric=lambda column: column > 2)
