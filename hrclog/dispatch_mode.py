@@ -43,23 +43,33 @@ def schedule_of(plan: Plan, mode: DispatchMode, problem: Problem) -> Schedule:
     Args:
         plan: what is to be carried out.
         mode: how.
-        problem: says which tasks must directly follow each other.
+        problem: says which tasks must directly follow each other, and which resources they use.
 
     Raises:
-        ScenarioError: items wait for each other in a circle, or for one that is not in the plan.
+        ScenarioError: items wait for each other in a circle, for one that is not in the plan, or must start together
+            although only one at a time may use what they need.
     """
     queues = {agent: plan.queue(agent) for agent in plan.agents()}
+    resources = _resources(plan, problem)
     match mode:
         case DispatchMode.SYNCHRONOUS:
-            schedule = Schedule(queues, Rules(over_first=_barriers(queues)))
+            schedule = Schedule(queues, Rules(over_first=_barriers(queues), resources=resources))
         case DispatchMode.ASYNCHRONOUS:
-            schedule = _with_meetings(queues)
+            _check_meetings(plan, resources)
+            schedule = _with_meetings(queues, resources)
         case DispatchMode.REACTIVE:
-            schedule = Schedule(queues, Rules(follows=_follows(queues, problem), free_order=True))
+            follows = _follows(queues, problem)
+            schedule = Schedule(queues, Rules(follows=follows, resources=resources, free_order=True))
         case _:
-            schedule = Schedule(queues, Rules())
+            schedule = Schedule(queues, Rules(resources=resources))
     _check_waits(plan, mode, schedule)
     return schedule
+
+
+def _resources(plan: Plan, problem: Problem) -> dict[str, tuple[str, ...]]:
+    """Return what each item uses, for those that use anything."""
+    used = {task.name: task.resources for task in problem.tasks if task.resources}
+    return {item.item_id: used[item.task] for item in plan.items if item.task in used}
 
 
 def _barriers(queues: Mapping[str, tuple[PlanItem, ...]]) -> dict[str, tuple[str, ...]]:
@@ -67,8 +77,21 @@ def _barriers(queues: Mapping[str, tuple[PlanItem, ...]]) -> dict[str, tuple[str
     return {item_id: tuple(before) for before, row in pairwise(rows) for item_id in row}
 
 
-def _with_meetings(queues: Mapping[str, tuple[PlanItem, ...]]) -> Schedule:
-    """Give the items of a meeting the same conditions: they become ready at the same instant."""
+def _check_meetings(plan: Plan, resources: Mapping[str, tuple[str, ...]]) -> None:
+    users: dict[tuple[str, str], str] = {}
+    for item in (item for item in plan.items if item.meet):
+        for name in resources.get(item.item_id, ()):
+            other = users.setdefault((item.meet, name), item.item_id)
+            if other != item.item_id:
+                found = f"items {other!r} and {item.item_id!r} meet at {item.meet!r}, but both need {name!r}"
+                raise ScenarioError(f"plan {plan.name!r}: {found}, which one at a time may use; take a label away")
+
+
+def _with_meetings(queues: Mapping[str, tuple[PlanItem, ...]], resources: Mapping[str, tuple[str, ...]]) -> Schedule:
+    """Give the items of a meeting the same conditions: they become ready at the same instant.
+
+    Each of them takes what all of them use, so that none finds it taken when its turn comes.
+    """
     meetings: dict[str, list[PlanItem]] = {}
     before: dict[str, str] = {}
     for queue in queues.values():
@@ -79,15 +102,18 @@ def _with_meetings(queues: Mapping[str, tuple[PlanItem, ...]]) -> Schedule:
     over_first: dict[str, tuple[str, ...]] = {}
     partners: dict[str, tuple[str, ...]] = {}
     shared: dict[str, PlanItem] = {}
+    together = dict(resources)
     for items in meetings.values():
         after = tuple(dict.fromkeys(other for item in items for other in item.after))
         needs = tuple(dict.fromkeys(fact for item in items for fact in item.needs))
+        used = tuple(name for item in items for name in resources.get(item.item_id, ()))
         for item in items:
             over_first[item.item_id] = tuple(before[one.item_id] for one in items if one.item_id in before)
             partners[item.item_id] = tuple(one.item_id for one in items if one is not item)
             shared[item.item_id] = replace(item, after=after, needs=needs)
+            together |= {item.item_id: used} if used else {}
     joined = {agent: tuple(shared.get(item.item_id, item) for item in queue) for agent, queue in queues.items()}
-    return Schedule(joined, Rules(over_first=over_first, partners=partners))
+    return Schedule(joined, Rules(over_first=over_first, partners=partners, resources=together))
 
 
 def _follows(queues: Mapping[str, tuple[PlanItem, ...]], problem: Problem) -> dict[str, str]:

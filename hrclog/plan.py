@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -89,6 +89,8 @@ class Plan:
 def make_plan(problem: Problem, orders: Mapping[str, Sequence[str]], name: str = "plan") -> Plan:
     """Return the plan in which every agent does its tasks in the given order.
 
+    Items of a task that is released later than the run starts need a fact, see `released`, which arrives then.
+
     Args:
         problem: what is to be done.
         orders: the tasks of each agent, in its order.
@@ -103,15 +105,21 @@ def make_plan(problem: Problem, orders: Mapping[str, Sequence[str]], name: str =
     for agent, place in possible_sequence(problem, orders, f"plan {name!r}"):
         task = orders[agent][place]
         item_id = f"{agent}-{place + 1:02d}"
-        items.append(PlanItem(item_id, agent, task, ledger.do(agent, item_id, task)))
-    return Plan(name, tuple(items))
+        needs = (released(task),) if problem.task(task).release_s else ()
+        items.append(PlanItem(item_id, agent, task, ledger.do(agent, item_id, task), needs=needs))
+    return Plan(name, tuple(items), _releases(problem, {item.task for item in items}))
+
+
+def released(task: str) -> str:
+    """Return the name of the fact that a task has been released."""
+    return f"released: {task}"
 
 
 def check_plan(problem: Problem, plan: Plan) -> None:
     """Raise if a plan does not solve a problem.
 
     Raises:
-        ScenarioError: as for `make_plan`, or an item does not wait for what its precedences ask for.
+        ScenarioError: as for `make_plan`, or an item does not wait for what its precedences ask for or its release.
     """
     for item in plan.items:
         problem.task(item.task)
@@ -121,12 +129,13 @@ def check_plan(problem: Problem, plan: Plan) -> None:
         for item in _unkept(plan, precedence):
             rule = f"{precedence.before} -> {precedence.after} ({precedence.kind})"
             raise ScenarioError(f"plan {plan.name!r}: item {item.item_id!r} breaks the precedence {rule}; reorder it")
+    _check_releases(problem, plan)
 
 
 def with_planned_times(
     plan: Plan, durations_s: Mapping[tuple[str, str], float], gaps_s: Mapping[str, float] | None = None
 ) -> Plan:
-    """Return the plan with the times it would have if no agent hindered another.
+    """Return the plan with the times it would have if no agent hindered another and facts came as announced.
 
     Args:
         plan: any plan.
@@ -135,9 +144,13 @@ def with_planned_times(
     """
     free_s: dict[str, float] = {}
     end_s: dict[str, float] = {}
+    arrival_s: dict[str, float] = {}
+    for arrival in plan.arrivals:
+        arrival_s[arrival.fact] = min(arrival.at_s, arrival_s.get(arrival.fact, arrival.at_s))
     items: list[PlanItem] = []
     for item in plan.items:
-        ready_s = max([free_s.get(item.agent, 0.0), *(end_s[other] for other in item.after)])
+        known_s = (arrival_s.get(fact, 0.0) for fact in item.needs)
+        ready_s = max([free_s.get(item.agent, 0.0), *(end_s[other] for other in item.after), *known_s])
         start_s = ready_s + (gaps_s or {}).get(item.agent, 0.0)
         free_s[item.agent] = end_s[item.item_id] = start_s + durations_s[item.agent, item.task]
         items.append(replace(item, planned_start_s=start_s, planned_end_s=end_s[item.item_id]))
@@ -150,7 +163,20 @@ def read_plan(path: Path) -> Plan:
     Raises:
         ScenarioError: the file cannot be read, or is no plan.
     """
-    return plan_from_json(JsonRecord(read_json(path, "a plan"), str(path), _PLAN_FIELDS))
+    return plan_of_value(read_json(path, "a plan"), str(path))
+
+
+def plan_of_value(value: object, where: str) -> Plan:
+    """Return the plan of a JSON value.
+
+    Args:
+        value: the parsed JSON.
+        where: where it stood, for messages.
+
+    Raises:
+        ScenarioError: as for `plan_from_json`, or it is no JSON object.
+    """
+    return plan_from_json(JsonRecord(value, where, _PLAN_FIELDS))
 
 
 def write_plan(path: Path, plan: Plan) -> None:
@@ -232,6 +258,27 @@ def _check_meets(items: Sequence[PlanItem], where: str) -> None:
         if len(set(agents)) < max(len(agents), 2):
             found = f"meet {label!r} stands at items of {', '.join(map(repr, agents))}"
             raise ScenarioError(f"{where}: {found}, expected one item each of two or more agents; rename the label")
+
+
+def _releases(problem: Problem, tasks: Collection[str]) -> tuple[Arrival, ...]:
+    return tuple(
+        Arrival(released(task.name), task.release_s) for task in problem.tasks if task.release_s and task.name in tasks
+    )
+
+
+def _check_releases(problem: Problem, plan: Plan) -> None:
+    for expected in _releases(problem, {item.task for item in plan.items}):
+        arrival_s = min((arrival.at_s for arrival in plan.arrivals if arrival.fact == expected.fact), default=None)
+        if arrival_s is None or arrival_s < expected.at_s:
+            found = "never arrives" if arrival_s is None else f"arrives at {arrival_s:g} s"
+            remedy = f"let it arrive at {expected.at_s:g} s, the task's release_s"
+            raise ScenarioError(f"plan {plan.name!r}: fact {expected.fact!r} {found}; {remedy}")
+    for item in plan.items:
+        fact = released(item.task)
+        if problem.task(item.task).release_s and fact not in item.needs:
+            raise ScenarioError(
+                f"plan {plan.name!r}: item {item.item_id!r} does not need {fact!r}; add it to its needs"
+            )
 
 
 def _check_counts(problem: Problem, orders: Mapping[str, Sequence[str]], name: str) -> None:

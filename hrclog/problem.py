@@ -5,8 +5,10 @@ A problem says nothing about order or time; a plan (`hrclog.plan`) does.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
 from enum import StrEnum
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, Final
@@ -35,6 +37,10 @@ class Task:
 
     An auxiliary task (`go_home`) counts in timelines only, and without a count of its own it may stand anywhere in a
     plan, as often as one likes.
+
+    `resources` names what only one execution at a time may use, whichever task and agent it is of: a fixture, a tool.
+    No execution starts earlier than `release_s`, and all have ended by `due_s`, seconds from the start of the run; only
+    planners look at the latter. `expected_s` is a declared guess of the duration, by agent, where there is one.
     """
 
     name: str
@@ -42,6 +48,10 @@ class Task:
     task_type: str = ""
     targets: tuple[str, ...] = ()
     role: str = Role.PRIMARY
+    resources: tuple[str, ...] = ()
+    release_s: float = 0.0
+    due_s: float | None = None
+    expected_s: Mapping[str, float] = field(default_factory=dict, hash=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +99,7 @@ class Problem:
         _check_precedences(self)
         _check_cycles(self)
         _check_units(self)
+        _check_dues(self)
 
     def task(self, name: str) -> Task:
         """Return a task by name.
@@ -128,11 +139,7 @@ class Problem:
         """Return the problem as JSON values, the inverse of `problem_from_json`."""
         return {
             "agents": list(self.agents),
-            "tasks": [
-                {"name": t.name, "type": t.task_type, "agents": list(t.agents), "targets": list(t.targets)}
-                | ({} if t.role == Role.PRIMARY else {"role": str(t.role)})
-                for t in self.tasks
-            ],
+            "tasks": [_task_json(task) for task in self.tasks],
             "counts": [
                 {"task": c.task, "count": c.count} | ({"agent": c.agent} if c.agent else {}) for c in self.counts
             ],
@@ -142,6 +149,11 @@ class Problem:
 
 PROBLEM_FIELDS: Final = ("agents", "tasks", "counts", "precedences")
 
+_TASK_FIELDS: Final = (
+    *("name", "type", "agents", "targets", "role"),
+    *("resources", "release_s", "due_s", "expected_s"),
+)
+
 
 def problem_from_json(record: JsonRecord) -> Problem:
     """Return the problem of a JSON object with the fields of `PROBLEM_FIELDS`.
@@ -149,12 +161,7 @@ def problem_from_json(record: JsonRecord) -> Problem:
     Raises:
         ScenarioError: a field is missing or wrong, or the parts contradict each other.
     """
-    tasks = [
-        Task(
-            entry.text("name"), entry.texts("agents"), entry.text("type", ""), entry.texts("targets", ()), _role(entry)
-        )
-        for entry in record.records("tasks", ("name", "type", "agents", "targets", "role"))
-    ]
+    tasks = [_task_from_json(entry) for entry in record.records("tasks", _TASK_FIELDS)]
     counts = [
         Count(entry.text("task"), entry.integer("count"), entry.text("agent", ""))
         for entry in record.records("counts", ("task", "agent", "count"))
@@ -167,6 +174,55 @@ def problem_from_json(record: JsonRecord) -> Problem:
         return Problem(record.texts("agents"), tuple(tasks), tuple(counts), tuple(precedences))
     except ScenarioError as error:
         raise ScenarioError(f"{record.where}: {error}") from error
+
+
+def _task_json(task: Task) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        "name": task.name,
+        "type": task.task_type,
+        "agents": list(task.agents),
+        "targets": list(task.targets),
+    }
+    if task.role != Role.PRIMARY:
+        values["role"] = str(task.role)
+    if task.resources:
+        values["resources"] = list(task.resources)
+    if task.release_s:
+        values["release_s"] = task.release_s
+    if task.due_s is not None:
+        values["due_s"] = task.due_s
+    if task.expected_s:
+        values["expected_s"] = dict(task.expected_s)
+    return values
+
+
+def _task_from_json(entry: JsonRecord) -> Task:
+    agents = entry.texts("agents")
+    return Task(
+        name=entry.text("name"),
+        agents=agents,
+        task_type=entry.text("type", ""),
+        targets=entry.texts("targets", ()),
+        role=_role(entry),
+        resources=entry.texts("resources", ()),
+        release_s=entry.number("release_s", 0.0),
+        due_s=entry.number("due_s") if "due_s" in entry else None,
+        expected_s=_expected_s(entry, agents),
+    )
+
+
+def _expected_s(entry: JsonRecord, agents: Iterable[str]) -> dict[str, float]:
+    """Return the declared durations by agent; a single number holds for all of them."""
+    if "expected_s" not in entry:
+        return {}
+    with suppress(ScenarioError):
+        return dict.fromkeys(agents, entry.positive("expected_s"))
+    try:
+        names = entry.names("expected_s")
+    except ScenarioError as error:
+        raise entry.error("expected_s", "a number above 0, or an object with one for each agent") from error
+    by_agent = entry.record("expected_s", names)
+    return {agent: by_agent.positive(agent) for agent in names}
 
 
 def _role(entry: JsonRecord) -> Role:
@@ -206,6 +262,23 @@ def _check_names(problem: Problem) -> None:
         for agent in task.agents:
             _known_agent(problem, agent, f"task {task.name!r}")
         _unique(f"task {task.name!r}: target", task.targets)
+        _unique(f"task {task.name!r}: resource", task.resources)
+        _check_times(task)
+
+
+def _check_times(task: Task) -> None:
+    if not 0.0 <= task.release_s < math.inf:
+        raise ScenarioError(f"task {task.name!r}: release_s: found {task.release_s:g}, expected a number from 0")
+    if task.due_s is not None and not task.release_s < task.due_s < math.inf:
+        expected = f"a number above its release_s = {task.release_s:g}"
+        raise ScenarioError(f"task {task.name!r}: due_s: found {task.due_s:g}, expected {expected}")
+    for agent, expected_s in task.expected_s.items():
+        if agent not in task.agents:
+            domain = ", ".join(task.agents)
+            raise ScenarioError(f"task {task.name!r}: expected_s: {agent!r} cannot do it, only {domain} can")
+        if not 0.0 < expected_s < math.inf:
+            where = f"task {task.name!r}: expected_s of {agent!r}"
+            raise ScenarioError(f"{where}: found {expected_s:g}, expected a number above 0")
 
 
 def _unique(what: str, names: Iterable[str]) -> None:
@@ -284,6 +357,23 @@ def _check_units(problem: Problem) -> None:
         if not unit.agents:
             chain = " -> ".join(unit.tasks)
             raise ScenarioError(f"tasks {chain}: one agent must do all of them, and none can; widen their agents")
+
+
+def _check_dues(problem: Problem) -> None:
+    """Raise if a task is due before something that it waits for may start."""
+    counted = {task.name: task for task in problem.tasks if problem.total(task.name)}
+    before: dict[str, set[str]] = {name: set() for name in counted}
+    for p in problem.precedences:
+        if p.before in counted and p.after in counted:
+            before[p.after].add(p.before)
+    latest: dict[str, Task] = {}  # of all that comes before a task and itself, the one released last
+    for name in TopologicalSorter(before).static_order():
+        task = counted[name]
+        first = max((latest[other] for other in sorted(before[name])), key=lambda t: t.release_s, default=task)
+        latest[name] = first if first.release_s > task.release_s else task
+        if task.due_s is not None and task.due_s <= latest[name].release_s:
+            found = f"it comes after {latest[name].name!r}, which is released at {latest[name].release_s:g} s only"
+            raise ScenarioError(f"task {name!r}: due_s: found {task.due_s:g}, but {found}; change one of the two")
 
 
 def _name(p: Precedence) -> str:

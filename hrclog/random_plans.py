@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 from hrclog.errors import ScenarioError
 from hrclog.plan import Orders, Plan, make_plan
-from hrclog.plan_order import Ledger
-from hrclog.problem import Problem, Unit
+from hrclog.plan_order import Ledger, possible_sequence
+from hrclog.problem import Precedence, Problem, Unit
 
 T = TypeVar("T")
 
 _ATTEMPTS = 1000
+_TRIALS = 100  # attempts that tell whether a problem with fewer precedences is possible
 
 
 def random_plans(problem: Problem, seed: int | str) -> Iterator[Plan]:
@@ -69,15 +71,34 @@ def random_orders(problem: Problem, source: random.Random) -> Orders:
     Raises:
         ScenarioError: no order was found in which every agent gets to the end.
     """
+    orders = _try(problem, source, _ATTEMPTS)
+    if orders is None:
+        rules = ", ".join(f"{rule.before} -> {rule.after} ({rule.kind})" for rule in _conflict(problem))
+        raise ScenarioError(
+            f"precedences: {_ATTEMPTS} random orders all came to a standstill, agents waiting for each other; "
+            f"together {rules} cannot be kept, loosen one of them"
+        )
+    return orders
+
+
+def _try(problem: Problem, source: random.Random, attempts: int) -> Orders | None:
+    """Return orders that are possible, None if none of so many is."""
     units = problem.units()
-    for _ in range(_ATTEMPTS):
+    for _ in range(attempts):
         orders = _draw(problem, [(pick(unit.agents, source), unit) for unit in units], source)
         if orders is not None:
             return orders
-    raise ScenarioError(
-        f"precedences: {_ATTEMPTS} random orders all came to a standstill, agents waiting for each other; "
-        "loosen a precedence of kind 'next'"
-    )
+    return None
+
+
+def _conflict(problem: Problem) -> tuple[Precedence, ...]:
+    """Return precedences that come to a standstill together, and no longer if one of them is left out."""
+    source = random.Random(0)  # noqa: S311 - reproducible message, no cryptography
+    for rule in problem.precedences:
+        fewer = replace(problem, precedences=tuple(other for other in problem.precedences if other != rule))
+        if _try(fewer, source, _TRIALS) is None:
+            problem = fewer
+    return problem.precedences
 
 
 def pick(values: Sequence[T], source: random.Random) -> T:
@@ -85,12 +106,39 @@ def pick(values: Sequence[T], source: random.Random) -> T:
     return values[int(source.random() * len(values))]
 
 
-def _draw(problem: Problem, dealt: Iterable[tuple[str, Unit]], source: random.Random) -> Orders | None:
+def random_rest(
+    problem: Problem, begun: Mapping[str, Sequence[str]], units: Iterable[Unit], source: random.Random
+) -> Orders | None:
+    """Return orders that begin in a given way, and go on in a random way that is possible; None if that fails.
+
+    Args:
+        problem: its precedences are kept.
+        begun: the tasks that each agent does first.
+        units: the work that is left, each as often as it is to be done.
+        source: only its `random()` is used.
+    """
+    dealt = [(pick(unit.agents, source), unit) for unit in units]
+    try:
+        return _draw(problem, dealt, source, begun)
+    except ScenarioError:  # what comes first cannot be done without some of the rest
+        return None
+
+
+def _draw(
+    problem: Problem,
+    dealt: Iterable[tuple[str, Unit]],
+    source: random.Random,
+    begun: Mapping[str, Sequence[str]] | None = None,
+) -> Orders | None:
     left: dict[str, Counter[str]] = {agent: Counter() for agent in problem.agents}
     for agent, unit in dealt:
         left[agent].update(unit.tasks)
     orders: dict[str, list[str]] = {agent: [] for agent in problem.agents}
     ledger = Ledger(problem)
+    for agent, place in possible_sequence(problem, begun or {}, "what comes first"):
+        task = (begun or {})[agent][place]
+        ledger.do(agent, str(place), task)
+        orders[agent].append(task)
     for _ in range(sum(counts.total() for counts in left.values())):
         agent, ready = _turn(ledger, left, source)
         if not ready:

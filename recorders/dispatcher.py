@@ -1,4 +1,4 @@
-"""Carry a plan out: who does what next, what is tried again, what is given up."""
+"""Carry a plan out: who does what next, what is tried again, what is given up, what is planned anew."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
-from hrclog.dispatch_mode import DispatchMode, schedule_of
+from hrclog.dispatch_mode import DispatchMode, Schedule, schedule_of
 from hrclog.dispatch_rule import Decision, Verdict, decide
-from hrclog.events import AnnotationAdded, Outcome, Role, TaskEnded
+from hrclog.errors import HrclogError, LogWriteError
+from hrclog.events import AnnotationAdded, Event, Outcome, PlanChanged, Role, TaskEnded
 from hrclog.ids import new_id as new_uuid
 from hrclog.plan import Plan, PlanItem
 from hrclog.problem import Problem
 from hrclog.recorders.clock import Action, Clock
-from hrclog.recorders.dispatch_policy import DispatchPolicy, OnFailure
+from hrclog.recorders.dispatch_policy import DispatchPolicy, OnFailure, ReplanOn
 from hrclog.recorders.executor import Command, Emit, Executor
+from hrclog.recorders.replanning import Replanner
 from hrclog.recorders.task_manager import AFTER_ALL, NS_PER_S, TaskManager
+from hrclog.run_state import Replan
 
 _FAILURES = (Outcome.FAILED, Outcome.TIMED_OUT)
 
@@ -36,6 +39,7 @@ class Dispatcher:
         emit: takes every event, those of the executors too; it numbers them.
         new_id: makes command and execution ids.
         on_done: called once, when nothing is left to do.
+        replan: asked for another plan when the policy's `replan_on` says so; None: nobody is asked.
 
     Raises:
         ScenarioError: in this mode the plan's items wait for each other in a circle.
@@ -53,15 +57,17 @@ class Dispatcher:
         emit: Emit,
         new_id: Callable[[], str] = new_uuid,
         on_done: Action = lambda: None,
+        replan: Replan | None = None,
     ) -> None:
         self.outcomes: dict[str, str] = {}
-        """Final outcome of every item that is over."""
+        """Final outcome of every item that is over, also of those that only a former plan had."""
         self.stuck: tuple[PlanItem, ...] = ()
         """The items that were left when running executions could not go on, or none."""
         self.done = False
         """Whether nothing is left to do."""
         self._schedule = schedule_of(plan, DispatchMode(policy.mode), problem)
         self._plan = plan
+        self._problem = problem
         self._tasks = {task.name: task for task in problem.tasks}
         self._clock = clock
         self._policy = policy
@@ -71,14 +77,18 @@ class Dispatcher:
         self._on_done = on_done
         self._start_ns = clock.now_ns
         self._items = {item.item_id: item for item in plan.items}
+        self._left = set(self._items)  # those that are not over
+        self._under_way: dict[str, str] = {}  # item by agent: dispatched, running or about to be tried again
         self._facts: set[str] = set()
         self._ended: tuple[str, str] | None = None  # outcome and reason of an aborted run
         self._retrying: set[str] = set()
-        self._timers = 0
+        self._timers: set[object] = set()
         self._steps: deque[Action] = deque()
         self._n_steps = 0
         self._stepping = False
-        self._manager = TaskManager(problem, executors, clock, policy, emit, self._close)
+        self._n_asking = 0  # questions for another plan that wait for their turn: nothing new is begun till then
+        self._replanner = Replanner(replan, plan, problem, policy, clock, self._ask)
+        self._manager = TaskManager(problem, executors, clock, policy, self._tell, self._close)
 
     def run(self) -> None:
         """Carry the plan out to its end."""
@@ -102,10 +112,18 @@ class Dispatcher:
         """Return the outcome of the run and why."""
         if self._ended is not None:
             return self._ended
-        lost = [item_id for item_id, outcome in self.outcomes.items() if outcome != Outcome.SUCCEEDED]
-        if lost:
-            return Outcome.FAILED, f"{len(lost)} of {len(self.outcomes)} items did not succeed"
+        found = [self.outcomes[item_id] for item_id in self._items if item_id in self.outcomes]
+        n_lost = sum(outcome != Outcome.SUCCEEDED for outcome in found)
+        if n_lost:
+            return Outcome.FAILED, f"{n_lost} of {len(found)} items did not succeed"
+        left_out = self._replanner.left_out(self.outcomes)
+        if left_out and self.done:
+            return Outcome.FAILED, f"not all of the first plan was done: {left_out}"
         return Outcome.SUCCEEDED, ""
+
+    def _tell(self, event: Event) -> None:
+        self._emit(event)
+        self._replanner.take(event)
 
     def _step(self, action: Action) -> None:
         """Do one thing after the other: what executors answer at once waits until its turn has come."""
@@ -124,7 +142,7 @@ class Dispatcher:
     def _look_for_the_end(self) -> None:
         if self.done or self._manager.active:
             return
-        if self._ended is not None or len(self.outcomes) == len(self._items):
+        if self._ended is not None or not self._left:
             self.done = True
             self._on_done()
         elif not self._timers and self._policy.max_wait_s is not None:
@@ -144,6 +162,8 @@ class Dispatcher:
 
     def _dispatch(self, agent: str) -> bool:
         """Do what the rule says for an agent, and return whether an item was skipped."""
+        if self._n_asking:
+            return False
         decision = self._decide(agent)
         if decision.item is None:
             return False
@@ -166,10 +186,11 @@ class Dispatcher:
         return decide(
             self._schedule.queues[agent],
             self.outcomes,
-            busy=agent in self._manager.active or agent in self._retrying,
+            busy=agent in self._under_way,
             now_s=(self._clock.now_ns - self._start_ns) / NS_PER_S if timed else None,
             facts=self._facts,
             rules=self._schedule.rules,
+            under_way=self._under_way.values(),
         )
 
     def _wake(self, agent: str) -> None:
@@ -177,13 +198,15 @@ class Dispatcher:
             self._dispatch_all()
 
     def _later(self, time_ns: int, action: Action) -> None:
-        """Let a step happen at an instant; until then there is something to wait for."""
+        """Let a step happen at an instant, if the plan is still the same; until then there is something to wait for."""
+        timer = object()
 
         def due() -> None:
-            self._timers -= 1
-            self._step(action)
+            if timer in self._timers:
+                self._timers.discard(timer)
+                self._step(action)
 
-        self._timers += 1
+        self._timers.add(timer)
         self._clock.schedule(time_ns, due)
 
     def _send(self, item: PlanItem, attempt: int) -> None:
@@ -201,6 +224,7 @@ class Dispatcher:
             planned_start_ns=self._planned(item.planned_start_s),
             planned_end_ns=self._planned(item.planned_end_s),
         )
+        self._under_way[item.agent] = item.item_id
         self._manager.give(command, item.timeout_s)
 
     def _close(self, command: Command, event: TaskEnded, again: bool) -> None:  # noqa: FBT001 - the form of OnEnd
@@ -210,12 +234,22 @@ class Dispatcher:
             self._retrying.add(command.agent)
             self._step(partial(self._retry, command, event.outcome))
             return
-        self.outcomes[command.item_id] = event.outcome
+        self._over(command.item_id, event.outcome, command.agent)
+        go_on: Action = self._dispatch_all
         if failed and self._policy.on_failure == OnFailure.ABORT:
             reason = f"{command.item_id} ({command.task}) failed {command.attempt} times"
-            self._step(partial(self._abort, reason, Outcome.FAILED))
+            go_on = partial(self._abort, reason, Outcome.FAILED)
+        if failed and self._replanner.wants(ReplanOn.FAILURE):
+            said = f": {event.reason}" if event.reason else ""
+            self._ask(command.item_id, f"{command.item_id} ({command.task}) {event.outcome}{said}", go_on)
         else:
-            self._step(self._dispatch_all)
+            self._step(go_on)
+
+    def _over(self, item_id: str, outcome: str, agent: str = "") -> None:
+        """Note how an item ended, and that its agent is free."""
+        self.outcomes[item_id] = outcome
+        self._left.discard(item_id)
+        self._under_way.pop(agent, None)
 
     def _retry(self, command: Command, outcome: str) -> None:
         """Begin the next attempt, unless the run was aborted in the meantime."""
@@ -223,7 +257,7 @@ class Dispatcher:
         if self._ended is None:
             self._send(self._items[command.item_id], command.attempt + 1)
         else:
-            self.outcomes[command.item_id] = outcome
+            self._over(command.item_id, outcome, command.agent)
 
     def _abort(self, reason: str, outcome: str) -> None:
         if self._ended is not None or self.done:
@@ -233,15 +267,65 @@ class Dispatcher:
             self._manager.cancel(execution_id, reason)
 
     def _take_fact(self, fact: str) -> None:
-        if fact in self._facts or self.done:
-            return
-        self._facts.add(fact)
-        self._emit(
-            AnnotationAdded(
-                time_ns=self._clock.now_ns, run_id=self._run_id, reason=f"{fact} arrived", details={"arrived": fact}
-            )
-        )
+        self._note_fact(fact)
         self._dispatch_all()
+
+    def _note_fact(self, fact: str) -> None:
+        if fact not in self._facts and not self.done:
+            self._facts.add(fact)
+            self._annotate(f"{fact} arrived", {"arrived": fact})
+
+    def _annotate(self, text: str, details: dict[str, str] | None = None) -> None:
+        said = text.encode(errors="backslashreplace").decode()  # what every log can hold
+        self._tell(AnnotationAdded(time_ns=self._clock.now_ns, run_id=self._run_id, reason=said, details=details or {}))
+
+    def _ask(self, item_id: str, reason: str, otherwise: Action | None = None) -> None:
+        """Ask for another plan as soon as it is this step's turn; without one do something else, usually go on."""
+        if not self.done:
+            self._n_asking += 1
+            self._step(partial(self._replan, item_id, reason, otherwise or self._dispatch_all))
+
+    def _replan(self, item_id: str, reason: str, otherwise: Action) -> None:
+        if self._retrying:  # their next attempts are on their way: then it is known what is running
+            self._steps.append(partial(self._replan, item_id, reason, otherwise))
+            return
+        self._n_asking -= 1
+        replaced = item_id not in self._items  # by a plan that was asked for on something else at this instant
+        if self._ended is not None or replaced or self._change_plan(reason):
+            self._dispatch_all()
+        else:
+            otherwise()
+
+    def _change_plan(self, reason: str) -> bool:
+        """Follow another plan if there is one, and return whether there is."""
+        try:
+            plan = self._replanner.ask(reason)
+            if plan is None:
+                return False
+            schedule = schedule_of(plan, DispatchMode(self._policy.mode), self._problem)
+            now_ns = self._clock.now_ns
+            self._tell(PlanChanged(time_ns=now_ns, run_id=self._run_id, plan=plan.to_json(), reason=reason))
+        except LogWriteError:
+            raise
+        except Exception as error:  # noqa: BLE001 - a planner is foreign code: the cell goes on without it
+            why = str(error) if isinstance(error, HrclogError) else f"{type(error).__name__}: {error}"
+            self._annotate(f"asked for another plan ({reason}), going on as before: {why}")
+            return False
+        self._follow(plan, schedule)
+        return True
+
+    def _follow(self, plan: Plan, schedule: Schedule) -> None:
+        """Put a plan in the place of the one that was followed; what it leaves out and had not begun is forgotten."""
+        self._plan, self._schedule = plan, schedule
+        self._items = {item.item_id: item for item in plan.items}
+        self._left = self._items.keys() - self.outcomes.keys()
+        self._timers.clear()
+        self._replanner.follow(plan)
+        for arrival in plan.arrivals:
+            if self._instant(arrival.at_s) <= self._clock.now_ns:
+                self._note_fact(arrival.fact)
+            else:
+                self._later(self._instant(arrival.at_s), partial(self._take_fact, arrival.fact))
 
     def _stand_still(self) -> None:
         """Give up what is left, when nothing more is going to happen."""
@@ -266,8 +350,8 @@ class Dispatcher:
 
     def _skip(self, item: PlanItem, reason: str) -> None:
         task = self._tasks.get(item.task)
-        self.outcomes[item.item_id] = Outcome.SKIPPED
-        self._emit(
+        self._over(item.item_id, Outcome.SKIPPED)
+        self._tell(
             TaskEnded(
                 time_ns=self._clock.now_ns,
                 run_id=self._run_id,

@@ -20,6 +20,7 @@ from hrclog.recorders.dispatcher import Dispatcher
 from hrclog.recorders.executor import Emit, Executor
 from hrclog.recorders.real_time import RealTimeLoop
 from hrclog.recorders.recorder import Recorder
+from hrclog.run_state import Replan
 
 
 def run_live(
@@ -35,6 +36,7 @@ def run_live(
     on_event: Emit = lambda _: None,
     on_start: Action = lambda: None,
     on_ready: Callable[[Dispatcher], None] = lambda _: None,
+    replan: Replan | None = None,
 ) -> tuple[str, str]:
     """Carry a plan out, record everything, and return the outcome of the run and why.
 
@@ -52,6 +54,7 @@ def run_live(
         on_event: told of every event once it is safe.
         on_start: called when the run has begun, before the first command.
         on_ready: given the dispatcher before it begins, to tell it of facts (`arrive`) and to `abort` it.
+        replan: asked for another plan when the policy says so, in the loop's thread: nothing is handed out meanwhile.
 
     Raises:
         ScenarioError: the plan does not solve the problem, or cannot be carried out in this mode.
@@ -75,7 +78,9 @@ def run_live(
         def write(event: Event) -> None:
             on_event(recorder.record(event))
 
-        dispatcher = Dispatcher(plan, problem, executors, loop, policy, run_id=recorder.run_id, emit=write)
+        dispatcher = Dispatcher(
+            plan, problem, executors, loop, policy, run_id=recorder.run_id, emit=write, replan=replan
+        )
         on_start()
         on_ready(dispatcher)
         with _on_interrupt(partial(dispatcher.abort, "interrupted")):

@@ -20,6 +20,7 @@ from hrclog.recorders.clock import Clock
 from hrclog.recorders.dispatch_policy import DispatchPolicy
 from hrclog.recorders.dispatcher import Dispatcher
 from hrclog.recorders.executor import Executor
+from hrclog.run_state import Replan
 from hrclog.sim.engine import ENGINES, make_engine
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.scenario import Scenario
@@ -84,6 +85,7 @@ def carry_out(
     others: Callable[[Clock], Mapping[str, Executor]] = lambda _: {},
     apart: tuple[str, ...] = (),
     name: str = "",
+    replan: Replan | None = None,
 ) -> Run:
     """Return what comes of a plan in simulated time.
 
@@ -97,6 +99,7 @@ def carry_out(
         others: makes executors that act for agents in place of the engine.
         apart: what sets the ids of this run apart from those of others with the same scenario, seed and number.
         name: of the run; default that of scenario and number.
+        replan: asked for another plan when the policy says so; see `apart` for runs that differ in it.
 
     Raises:
         ScenarioError: the items wait for each other in a circle.
@@ -124,6 +127,7 @@ def carry_out(
         emit=write,
         new_id=new_id,
         on_done=cell.stop,
+        replan=replan,
     )
     write(
         RunStarted(
@@ -227,4 +231,5 @@ def _spacing_ns(scenario: Scenario) -> int:
     """Return the time between the starts of two runs: generous, so that runs do not share an instant."""
     longest_s = max(scenario.durations_s.values()) + max((gap.mean_s for gap in scenario.gap.values()), default=0.0)
     total = sum(count.count for count in scenario.problem.counts)
-    return _SLOT_NS * math.ceil(_SLACK * longest_s * total * 1e9 / _SLOT_NS)
+    released_s = max(task.release_s for task in scenario.problem.tasks)
+    return _SLOT_NS * math.ceil((_SLACK * longest_s * total + released_s) * 1e9 / _SLOT_NS)

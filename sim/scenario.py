@@ -135,7 +135,7 @@ class Scenario:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of all that the scenario says of its discrete events, as hexadecimal text."""
-        scenario = asdict(replace(self, cell=None), dict_factory=_without_usual_role)
+        scenario = asdict(replace(self, cell=None), dict_factory=_without_the_usual)
         said = {name: value for name, value in scenario.items() if name != "cell"}
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
@@ -145,8 +145,12 @@ class Scenario:
         return hashlib.sha256(json.dumps(self.cell and asdict(self.cell), sort_keys=True).encode()).hexdigest()
 
 
-def _without_usual_role(fields: list[tuple[str, Any]]) -> dict[str, Any]:
-    return {name: value for name, value in fields if (name, value) != ("role", Role.PRIMARY)}
+_USUAL: Final = {"role": Role.PRIMARY, "resources": (), "release_s": 0.0, "due_s": None, "expected_s": {}}
+
+
+def _without_the_usual(fields: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return fields without those of a task that say nothing, so that the digest is that of when there were none."""
+    return {name: value for name, value in fields if name not in _USUAL or value != _USUAL[name]}
 
 
 def scenario_names() -> list[str]:

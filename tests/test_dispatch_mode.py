@@ -7,6 +7,7 @@ from dispatching import line, problem_of
 
 from hrclog.dispatch_mode import DispatchMode, schedule_of
 from hrclog.dispatch_rule import Rules
+from hrclog.errors import ScenarioError
 from hrclog.plan import Plan, PlanItem
 from hrclog.problem import Precedence, PrecedenceKind
 
@@ -43,6 +44,31 @@ def test_items_that_meet_have_the_same_conditions_in_asynchronous_mode() -> None
         (("a1",), ("part",)),
         (("a1",), ("part",)),
     ]
+
+
+@pytest.mark.parametrize("mode", DispatchMode)
+def test_every_mode_knows_what_each_item_uses(mode: DispatchMode) -> None:
+    problem = problem_of(PLAN, resources={"1": ("jig",), "3": ("jig", "tool")})
+    used = schedule_of(PLAN, mode, problem).rules.resources
+    assert used == {"a-1": ("jig",), "b-1": ("jig",), "a-3": ("jig", "tool")}
+
+
+MEETING = Plan(
+    "p", (PlanItem("a1", "a", "lift", meet="x"), PlanItem("b1", "b", "hold", meet="x"), PlanItem("c1", "c", "see"))
+)
+
+
+def test_items_that_meet_take_all_that_they_use_at_once() -> None:
+    problem = problem_of(MEETING, resources={"lift": ("crane",), "hold": ("jig",), "see": ("jig",)})
+    used = schedule_of(MEETING, DispatchMode.ASYNCHRONOUS, problem).rules.resources
+    assert used == {"a1": ("crane", "jig"), "b1": ("crane", "jig"), "c1": ("jig",)}
+
+
+def test_items_that_meet_may_not_need_the_same_resource() -> None:
+    problem = problem_of(MEETING, resources={"lift": ("crane",), "hold": ("jig", "crane")})
+    with pytest.raises(ScenarioError, match="items 'a1' and 'b1' meet at 'x', but both need 'crane'"):
+        schedule_of(MEETING, DispatchMode.ASYNCHRONOUS, problem)
+    schedule_of(MEETING, DispatchMode.SEQUENTIAL, problem)
 
 
 def test_only_what_must_follow_at_once_is_chained_in_reactive_mode() -> None:

@@ -81,6 +81,31 @@ def test_what_must_follow_never_goes_ahead_of_what_it_follows() -> None:
     assert decide(queue, {"1": DONE}, busy=False, rules=rules) == Decision(Verdict.START, queue[1])
 
 
+def test_an_item_waits_for_those_under_way_that_use_what_it_needs() -> None:
+    rules = Rules(resources={"1": ("jig", "tool"), "x": ("tool",), "y": ("door",), "z": ("jig",)})
+    assert decide(QUEUE, {}, busy=False, rules=rules, under_way=["y"]) == Decision(Verdict.START, FIRST)
+    waits = decide(QUEUE, {}, busy=False, rules=rules, under_way=["x", "y", "z"])
+    assert waits == Decision(Verdict.WAIT, FIRST, ("x", "z"))
+
+
+def test_partners_use_what_they_need_together() -> None:
+    rules = Rules(resources={"1": ("jig",), "x": ("jig",)}, partners={"1": ("x",)})
+    assert decide(QUEUE, {}, busy=False, rules=rules, under_way=["x"]) == Decision(Verdict.START, FIRST)
+
+
+def test_what_can_never_start_is_skipped_though_a_resource_is_taken() -> None:
+    rules = Rules(resources={"2": ("jig",), "x": ("jig",)})
+    outcomes = {"1": Outcome.FAILED}
+    assert decide(QUEUE, outcomes, busy=False, rules=rules, under_way=["x"]).verdict is Verdict.SKIP
+
+
+def test_in_free_order_what_needs_a_taken_resource_is_left_for_later() -> None:
+    queue = (PlanItem("1", "H", "pick"), PlanItem("2", "H", "place"), PlanItem("3", "H", "wave"))
+    rules = Rules(resources={"2": ("jig",), "x": ("jig",)}, follows={"2": "1"}, free_order=True)
+    assert decide(queue, {}, busy=False, rules=rules, under_way=["x"]) == Decision(Verdict.START, queue[2])
+    assert decide(queue, {}, busy=False, rules=rules) == Decision(Verdict.START, queue[0])
+
+
 @given(st.permutations(["1", "2", "3", "4"]), st.data())
 def test_work_never_overtakes_in_the_queue_and_never_starts_before_its_predecessors(
     order: list[str], data: st.DataObject

@@ -99,6 +99,35 @@ def test_primary_tasks_without_a_count_are_not_to_be_done() -> None:
         make_plan(cell, ORDERS | {"R": ("wave", *ORDERS["R"])})
 
 
+LATER = replace(CELL, tasks=(replace(CELL.tasks[0], release_s=7.0), *CELL.tasks[1:]))
+
+
+def test_items_of_a_task_that_is_released_later_need_a_fact_that_arrives_then() -> None:
+    plan = make_plan(LATER, ORDERS)
+    assert {item.item_id: item.needs for item in plan.items if item.needs} == {
+        "R-01": ("released: pick",),
+        "R-03": ("released: pick",),
+    }
+    assert plan.arrivals == (Arrival("released: pick", 7.0),)
+    check_plan(LATER, plan)
+
+
+def test_planned_times_keep_to_what_arrives() -> None:
+    timed = with_planned_times(make_plan(LATER, ORDERS), dict.fromkeys(LATER.agent_tasks(), 1.0), {"R": 0.5})
+    assert [item.planned_start_s for item in timed.queue("R")] == [7.5, 9.0, 10.5, 12.0]
+
+
+def test_an_item_that_does_not_wait_for_its_release_is_found() -> None:
+    plan = make_plan(LATER, ORDERS)
+    hasty = tuple(replace(i, needs=()) if i.item_id == "R-03" else i for i in plan.items)
+    with pytest.raises(ScenarioError, match="item 'R-03' does not need 'released: pick'; add it"):
+        check_plan(LATER, replace(plan, items=hasty))
+    with pytest.raises(ScenarioError, match="fact 'released: pick' never arrives; let it arrive at 7 s"):
+        check_plan(LATER, replace(plan, arrivals=()))
+    with pytest.raises(ScenarioError, match="fact 'released: pick' arrives at 3 s; let it arrive at 7 s"):
+        check_plan(LATER, replace(plan, arrivals=(Arrival("released: pick", 3.0),)))
+
+
 @pytest.mark.parametrize("agents", [("R", "R"), ("H",), ("H", "R", "R")])
 def test_a_meeting_has_one_item_each_of_two_or_more_agents(agents: tuple[str, ...], plan: Plan) -> None:
     wanted = list(agents)

@@ -38,6 +38,30 @@ def test_only_auxiliary_tasks_say_their_role_in_json() -> None:
     assert [task.get("role") for task in problem.to_json()["tasks"]] == [None, None, "auxiliary"]
 
 
+def test_what_planners_know_of_a_task_comes_back_from_json_and_is_left_out_where_nothing_is_said() -> None:
+    fixed = replace(PICK, resources=("fixture", "tool"), release_s=5.0, due_s=60.0, expected_s={"human": 4.5})
+    problem = replace(GOOD, tasks=(fixed, PLACE))
+    assert problem_from_json(JsonRecord(problem.to_json(), "x", PROBLEM_FIELDS)) == problem
+    said, unsaid = problem.to_json()["tasks"]
+    assert set(said) - set(unsaid) == {"resources", "release_s", "due_s", "expected_s"}
+    assert len({problem, GOOD}) == 2
+
+
+def test_an_expected_duration_may_be_given_for_all_agents_at_once() -> None:
+    record = GOOD.to_json()
+    record["tasks"][0] |= {"expected_s": 4}
+    problem = problem_from_json(JsonRecord(record, "x", PROBLEM_FIELDS))
+    assert problem.task("pick").expected_s == {"human": 4.0, "robot": 4.0}
+
+
+def test_what_comes_late_need_not_be_due_before_it_if_nothing_of_it_is_done() -> None:
+    rule = Precedence("pick", "place", PrecedenceKind.ALL)
+    tasks = (replace(PICK, release_s=9.0), replace(PLACE, due_s=5.0))
+    Problem(BOTH, tasks, (Count("place", 1),), (rule,))
+    with pytest.raises(ScenarioError, match="'pick', which is released at 9 s only"):
+        Problem(BOTH, tasks, (Count("place", 1), Count("pick", 1)), (rule,))
+
+
 def test_work_that_must_follow_is_one_unit_of_the_counted_agent() -> None:
     assert GOOD.units() == [Unit(("pick", "place"), ("human",))] * 2
 
@@ -67,6 +91,25 @@ def test_an_unknown_task_is_refused_with_the_known_names() -> None:
         ({"tasks": (PICK, Task("place", ()))}, "task 'place': no agent can do it"),
         ({"tasks": (replace(PICK, targets=("a",)), PLACE)}, "task 'pick': 2 executions for 1 targets"),
         ({"tasks": (replace(PICK, targets=("a", "a")), PLACE)}, "task 'pick': target 'a': named twice"),
+        ({"tasks": (replace(PICK, resources=("jig", "jig")), PLACE)}, "task 'pick': resource 'jig': named twice"),
+        ({"tasks": (replace(PICK, release_s=-1.0), PLACE)}, "'pick': release_s: found -1, expected a number from 0"),
+        ({"tasks": (replace(PICK, release_s=float("nan")), PLACE)}, "'pick': release_s: found nan"),
+        (
+            {"tasks": (replace(PICK, release_s=9.0, due_s=9.0), PLACE)},
+            "'pick': due_s: found 9, expected a number above its release_s = 9",
+        ),
+        (
+            {"tasks": (replace(PICK, release_s=9.0), replace(PLACE, due_s=5.0))},
+            "'place': due_s: found 5, but it comes after 'pick', which is released at 9 s only; change one",
+        ),
+        (
+            {"tasks": (Task("pick", ("human",), expected_s={"robot": 1.0}), PLACE)},
+            "'pick': expected_s: 'robot' cannot do it, only human can",
+        ),
+        (
+            {"tasks": (replace(PICK, expected_s={"robot": 0.0}), PLACE)},
+            "'pick': expected_s of 'robot': found 0, expected a number above 0",
+        ),
         ({"counts": ()}, "nothing is to be done"),
         ({"counts": (Count("pick", 1, "human"), Count("pick", 1, "human"))}, "count of 'pick by human': named twice"),
         ({"counts": (Count("pick", -1, "human"), Count("place", 2, "human"))}, "count of 'pick': found -1"),
@@ -137,6 +180,22 @@ def test_a_task_has_one_follower_only() -> None:
         (
             {"tasks": [{"name": "pick", "agents": ["human"], "role": "extra"}]},
             r"tasks\[0\]: role: found 'extra', expected one of primary, auxiliary",
+        ),
+        (
+            {"tasks": [{"name": "pick", "agents": ["human"], "expected_s": "long"}]},
+            r"tasks\[0\]: expected_s: found 'long', expected a number above 0, or an object with one for each agent",
+        ),
+        (
+            {"tasks": [{"name": "pick", "agents": ["human"], "expected_s": {"human": -1}}]},
+            r"tasks\[0\]: expected_s: human: found '-1', expected a number from 0",
+        ),
+        (
+            {"tasks": [{"name": "pick", "agents": ["human"], "resources": "jig"}]},
+            r"tasks\[0\]: resources: found 'jig', expected a list of texts",
+        ),
+        (
+            {"tasks": [{"name": "pick", "agents": ["human"], "due_s": -1}]},
+            r"tasks\[0\]: due_s: found '-1', expected a number from 0",
         ),
         ({"tasks": ["pick"]}, r"cell: tasks\[0\]: found 'pick', expected a JSON object"),
         (

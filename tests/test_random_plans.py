@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -90,3 +91,21 @@ def test_a_problem_that_always_comes_to_a_standstill_is_named() -> None:
     problem = Problem(("H",), tasks, tuple(Count(name, 1) for name in "abc"), rules)
     with pytest.raises(ScenarioError, match="1000 random orders all came to a standstill"):
         next(random_plans(problem, 1))
+
+
+def test_the_precedences_that_cannot_be_kept_together_are_named_and_no_others() -> None:
+    tasks = tuple(Task(name, ("H",)) for name in "abcd")
+    conflict = (Precedence("a", "b"), Precedence("c", "b", PrecedenceKind.EACH))
+    rules = (Precedence("a", "d", PrecedenceKind.ALL), *conflict, Precedence("a", "c", PrecedenceKind.ALL))
+    problem = Problem(("H",), tasks, tuple(Count(name, 1) for name in "abcd"), rules)
+    named = r"together a -> b \(next\), c -> b \(each\), a -> c \(all\) cannot be kept, loosen one of them"
+    with pytest.raises(ScenarioError, match=named):
+        next(random_plans(problem, 1))
+
+
+def test_plans_drawn_for_tasks_that_are_released_later_wait_for_it() -> None:
+    problem = paper(free=True)
+    late = replace(problem, tasks=tuple(replace(task, release_s=4.0) for task in problem.tasks))
+    for plan in distinct_plans(late, 5, 1):
+        check_plan(late, plan)
+        assert all(item.needs for item in plan.items)

@@ -22,17 +22,19 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Begun:
-    """Where a run stands from which plans go on; an agent that works does the first item of its queue.
+    """Where a run stands from which plans go on; an agent that works does the first item that is not over.
 
     Attributes:
         now_s: since the run's start.
-        first_s: when its first execution started.
+        first_s: when its first execution started; None before that.
+        over: by agent: how many items of its queue are over.
         started_s: by agent that works: when its item started.
         left_s: by agent that works: what is left of its work in each world, shape (S,).
     """
 
     now_s: float = 0.0
     first_s: float | None = None
+    over: dict[str, int] = field(default_factory=dict)
     started_s: dict[str, float] = field(default_factory=dict)
     left_s: dict[str, Floats] = field(default_factory=dict)
 
@@ -129,14 +131,17 @@ class _Lanes:
         self._go_on(begun, world)
 
     def _go_on(self, begun: Begun, world: Ints) -> None:
+        for name, over in begun.over.items():
+            self._position[self._plans.agents.index(name)] = over
         for name, started in begun.started_s.items():
             agent = self._plans.agents.index(name)
+            item = self._item_base[agent] + self._position[agent]
             self._given[agent] = True
             self._start[agent] = started
             self._left[agent] = begun.left_s[name][world]
-            self._key[agent] = self._task[self._item_base[agent]]
+            self._key[agent] = self._task[item]
             if self._starts is not None:
-                self._starts[self._time_base[agent]] = started
+                self._starts[self._time_base[agent] + self._position[agent]] = started
 
     def step(self) -> bool:
         """Go on to the next event of each lane, and return whether any lane has one."""

@@ -32,7 +32,8 @@ class Forecast:
         run_median_s: its median.
         run_high_s: its 95 % quantile.
         worlds: how many runs were drawn.
-        items: by item id: expected start and end, then 5 % and 95 % quantiles of the end, since the run's start.
+        items: of those that are not over, by item id: expected start and end, and 5 % and 95 % quantiles of the end,
+            since the run's start.
     """
 
     undisturbed_s: float
@@ -145,13 +146,14 @@ def _items(
     return {
         item_id: (float(start[0, 0][at]), float(end[0, 0][at]), float(low[at]), float(high[at]))
         for item_id, at in place.items()
+        if np.isfinite(end[0, 0][at])  # the others were over before
     }
 
 
 def with_expected_times(plan: Plan, found: Forecast) -> Plan:
-    """Return the plan with the times that are expected of its items."""
-    items = tuple(
-        replace(item, planned_start_s=found.items[item.item_id][0], planned_end_s=found.items[item.item_id][1])
-        for item in plan.items
-    )
-    return replace(plan, items=items)
+    """Return the plan with the times that are expected of its items; those that are over keep theirs."""
+    items = []
+    for item in plan.items:
+        start, end, _, _ = found.items.get(item.item_id, (item.planned_start_s, item.planned_end_s, None, None))
+        items.append(replace(item, planned_start_s=start, planned_end_s=end))
+    return replace(plan, items=tuple(items))

@@ -18,11 +18,14 @@ import numpy as np
 from hrclog.analyzers.planner.judge import Judge
 from hrclog.analyzers.planner.outcome import Ranked, Search
 from hrclog.analyzers.planner.space import Candidate, Space
-from hrclog.random_plans import pick, random_orders
+from hrclog.random_plans import pick, random_rest
 
 _BATCH: Final = 256
 _PATIENCE: Final = 3
 """Batches without a better plan before the search moves elsewhere, per hundred neighbours that there are."""
+
+_ATTEMPTS: Final = 100
+"""Random orders to begin with that may come to a standstill."""
 
 _KICKS: Final = (2, 3, 4, 6)
 """How many units are moved at random then, in turn."""
@@ -119,11 +122,13 @@ def _shuffled(row: list[int], source: random.Random) -> list[int]:
 
 
 def _random_linked(space: Space, source: random.Random) -> Candidate:
-    if space.begun:
-        return _random_free(space, source)
-    orders = random_orders(space.problem, source)
-    head = {unit.tasks[0]: number for number, unit in enumerate(space.units)}
-    return tuple(tuple(head[task] for task in orders[agent] if task in head) for agent in space.agents)
+    units = [unit for unit, count in zip(space.units, space.counts, strict=True) for _ in range(count)]
+    for _ in range(_ATTEMPTS):
+        orders = random_rest(space.problem, space.begun, units, source)
+        if orders is not None:
+            rest = {agent: tasks[len(space.begun.get(agent, ())) :] for agent, tasks in orders.items()}
+            return space.candidate(rest)
+    return _random_free(space, source)
 
 
 def _moves(space: Space) -> list[Move]:

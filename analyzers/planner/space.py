@@ -87,7 +87,7 @@ class Space:
         """Return how many candidates there are, or some number above `most` if there are more."""
         total = 0
         for tried, allocation in enumerate(self.allocations()):
-            total += math.prod(_orders(column) for column in zip(*allocation, strict=True))
+            total += math.prod(_orders(column) for column in self._by_agent(allocation))
             if total > most or tried > most:
                 return max(total, most + 1)
         return total
@@ -95,7 +95,11 @@ class Space:
     def candidates(self) -> Iterator[Candidate]:
         """Yield every candidate once, in a fixed order."""
         for allocation in self.allocations():
-            yield from product(*(list(_arrangements(column)) for column in zip(*allocation, strict=True)))
+            yield from product(*(list(_arrangements(column)) for column in self._by_agent(allocation)))
+
+    def _by_agent(self, allocation: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
+        """Return how often each agent does each unit, an entry per agent even where there are no units."""
+        return [tuple(row[agent] for row in allocation) for agent in range(len(self.agents))]
 
 
 def space_of(problem: Problem) -> Space:

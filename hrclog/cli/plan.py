@@ -13,6 +13,7 @@ from hrclog.cli.problem_file import load_problem, problem_argument
 
 if TYPE_CHECKING:
     from hrclog.analyzers.planner.forecast import Forecast
+    from hrclog.events import Event
     from hrclog.knowledge.task_times import TaskTimes
     from hrclog.plan import Plan
     from hrclog.problem import Problem
@@ -118,6 +119,8 @@ def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its opti
     times = _known(problem, options)
     if options["given"]:
         return _judge(problem, times, options)
+    if options["run_log"]:
+        return _go_on(problem, times, options)
     return _find(problem, times, options)
 
 
@@ -190,6 +193,51 @@ def _judge(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     if options["show"]:
         click.echo("\n" + timeline_text(timed, _ends(told)))
     return 0
+
+
+def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
+    """Plan the rest of a run."""
+    from hrclog.analyzers.planner.judge import Objective
+    from hrclog.analyzers.planner.replan import plan_rest
+    from hrclog.run_state import run_state
+
+    state = run_state(_events(options["run_log"]))
+    found = plan_rest(problem, times, state, Objective(options["objective"]), options["seed"])
+    n_over = sum(outcome == "succeeded" for outcome in state.outcomes.values())
+    where = f"{options['run_log']}: {n_over} items done, {len(state.running)} under way at {state.now_s:.1f} s"
+    if found is None:
+        if options["as_json"]:
+            print_json({"now_s": state.now_s, "changed": False, "forecast": None, "plan": state.plan.to_json()})
+        else:
+            click.echo(f"{where}; the plan that is followed is as good as any that was found")
+        _write(options["out"], state.plan)
+        return 0
+    plan, told = found
+    _write(options["out"], plan)
+    if options["as_json"]:
+        print_json({"now_s": state.now_s, "changed": True, "forecast": told.to_json(), "plan": plan.to_json()})
+        return 0
+    click.echo(f"{where}\n{plan.name}: its end after {forecast_line(told)}")
+    if options["show"]:
+        click.echo("\n" + timeline_text(plan, _ends(told)))
+    return 0
+
+
+def _events(path: Path) -> list[Event]:
+    """Return the events of a log that holds one run.
+
+    Raises:
+        HrclogError: it cannot be read, or holds none or several.
+    """
+    from hrclog.errors import ScenarioError
+    from hrclog.event_rows import from_row
+    from hrclog.log.reader import read_log
+
+    frame = read_log(path).events
+    runs = frame["run_id"].unique().drop_nulls().sort().to_list()
+    if len(runs) != 1:
+        raise ScenarioError(f"{path}: found {len(runs)} runs, expected the log of one")
+    return [from_row(row) for row in frame.sort("time_ns", "seq").iter_rows(named=True)]
 
 
 def _ends(told: Forecast) -> dict[str, tuple[float, float]]:

@@ -110,6 +110,9 @@ def _items(plan: Plan, ends: Mapping[str, tuple[float, float]] | None) -> str:
     rows = []
     for item in sorted(plan.items, key=lambda item: (item.planned_start_s or 0.0, item.item_id)):
         start, end = (f"{t:.1f}" if t is not None else "n/a" for t in (item.planned_start_s, item.planned_end_s))
-        spread = (f"{ends[item.item_id][0]:.1f} to {ends[item.item_id][1]:.1f}",) if ends else ()
-        rows.append((item.item_id, item.agent, item.task, start, end, *spread))
+        rows.append((item.item_id, item.agent, item.task, start, end, *([_spread(item.item_id, ends)] if ends else [])))
     return table(header, rows, numeric=lambda column: column > 2)
+
+
+def _spread(item_id: str, ends: Mapping[str, tuple[float, float]]) -> str:
+    return f"{ends[item_id][0]:.1f} to {ends[item_id][1]:.1f}" if item_id in ends else "over"

@@ -171,11 +171,11 @@ def test_a_run_goes_on_from_where_it_stands() -> None:
     begun = Begun(
         now,
         float(np.nanmin(found.start_s)),
+        over,
         {a: float(found.start_s[0, 0, i, over[a]]) for i, a in enumerate(agents)},
         left,
     )
-    rest = encode_queues(agents, keys, [{a: plan[a][over[a] :] for a in agents}])
-    assert evaluate(rest, world, begun=begun).makespan_s[0, 0] == pytest.approx(found.makespan_s[0, 0], abs=1e-9)
+    assert evaluate(whole, world, begun=begun).makespan_s[0, 0] == pytest.approx(found.makespan_s[0, 0], abs=1e-9)
 
 
 def test_the_reactive_order_cannot_be_judged_beforehand() -> None:

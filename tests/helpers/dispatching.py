@@ -13,6 +13,7 @@ from hrclog.recorders.dispatch_policy import DispatchPolicy
 from hrclog.recorders.dispatcher import Dispatcher
 from hrclog.recorders.executor import Executor
 from hrclog.recorders.scripted import ScriptedExecutor, ScriptStep
+from hrclog.run_state import Replan
 from hrclog.sim.event_queue import EventQueue
 
 START_NS = 1_000_000_000_000
@@ -54,14 +55,20 @@ class Played:
         return [event for event in self.events if isinstance(event, AnnotationAdded)]
 
 
-def problem_of(plan: Plan, precedences: Iterable[Precedence] = ()) -> Problem:
-    """Return a problem that a plan solves."""
+def problem_of(
+    plan: Plan, precedences: Iterable[Precedence] = (), resources: Mapping[str, tuple[str, ...]] | None = None
+) -> Problem:
+    """Return a problem that a plan solves; `resources` are those of tasks by name."""
+    used = resources or {}
     tasks: dict[str, list[str]] = {}
     for item in plan.items:
         tasks.setdefault(item.task, []).append(item.agent)
     return Problem(
         plan.agents(),
-        tuple(Task(name, tuple(dict.fromkeys(agents)), f"type of {name}") for name, agents in tasks.items()),
+        tuple(
+            Task(name, tuple(dict.fromkeys(agents)), f"type of {name}", resources=used.get(name, ()))
+            for name, agents in tasks.items()
+        ),
         tuple(
             Count(name, agents.count(agent), agent) for name, agents in tasks.items() for agent in dict.fromkeys(agents)
         ),
@@ -84,10 +91,12 @@ def play(
     problem: Problem | None = None,
     executors: Mapping[str, Executor] | None = None,
     queue: EventQueue | None = None,
+    replan: Replan | None = None,
+    events: list[Event] | None = None,
 ) -> Played:
-    """Carry a plan out in simulated time; each agent by a script of its own."""
+    """Carry a plan out in simulated time; each agent by a script of its own; what happens goes to `events`."""
     queue = queue or EventQueue(START_NS)
-    events: list[Event] = []
+    events = [] if events is None else events
     script = steps_of(plan) if steps is None else list(steps)
     scripted = {
         agent: ScriptedExecutor([step for step in script if step.agent == agent], queue) for agent in plan.agents()
@@ -102,6 +111,7 @@ def play(
         run_id="run",
         emit=lambda event: events.append(replace(event, run_id="run", seq=len(events))),
         new_id=lambda: f"id{next(ids)}",
+        replan=replan,
     )
     dispatcher.run()
     return Played(tuple(events), dispatcher)

@@ -9,7 +9,7 @@ from dispatching import START_NS, line, play, problem_of, steps_of
 
 from hrclog.errors import DispatchError, ScenarioError
 from hrclog.events import Event, Outcome, Role, TaskDispatched, TaskFact
-from hrclog.plan import Arrival, Plan, PlanItem
+from hrclog.plan import Arrival, Plan, PlanItem, make_plan
 from hrclog.problem import Precedence
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.dispatch_policy import DispatchPolicy
@@ -158,6 +158,45 @@ def test_a_fact_that_comes_from_outside_is_taken_in_once() -> None:
     ]
 
 
+@pytest.mark.parametrize("mode", ["sequential", "timed", "synchronous", "asynchronous", "reactive"])
+def test_a_resource_is_used_by_one_at_a_time_in_every_mode(mode: str) -> None:
+    plan = line("a-1", "b-2", "c-3")
+    problem = problem_of(plan, resources={"1": ("jig",), "2": ("jig", "tool"), "3": ("tool",)})
+    played = play(plan, policy=DispatchPolicy(mode=mode), problem=problem)
+    assert played.dispatched_s() == {"a-1": 0.0, "c-3": 0.0, "b-2": 1.0}
+
+
+def test_who_is_asked_first_gets_a_resource_that_comes_free() -> None:
+    plan = line("a-1", "b-2", "c-3")
+    problem = problem_of(plan, resources={"1": ("jig",), "2": ("jig",), "3": ("jig",)})
+    assert play(plan, problem=problem).dispatched_s() == {"a-1": 0.0, "b-2": 1.0, "c-3": 2.0}
+
+
+def test_a_resource_is_kept_while_an_item_is_tried_again_and_given_back_when_it_is_given_up() -> None:
+    plan = line("a-1", "a-3", "b-2")
+    problem = problem_of(plan, resources={"1": ("jig",), "2": ("jig",)})
+    steps = steps_of(plan, {"a-1": replace(took(2.0), outcome="failed")})
+    played = play(plan, steps, DispatchPolicy(max_attempts=3), problem)
+    assert played.dispatched_s() == {"a-1": 0.0, "a-3": 6.0, "b-2": 6.0}
+
+
+def test_those_who_meet_wait_for_what_any_of_them_uses() -> None:
+    plan = line("a-1", "c-1", "a-lift", "b-hold", "c-see")
+    for item_id in ("a-lift", "b-hold"):
+        plan = with_fields(plan, item_id, meet="lift")
+    problem = problem_of(plan, resources={"1": (), "hold": ("jig",), "see": ("jig",)})
+    steps = steps_of(plan, {"c-see": took(5.0), "a-1": took(2.0)})
+    played = play(plan, steps, DispatchPolicy(mode="asynchronous"), problem)
+    assert played.dispatched_s() == {"a-1": 0.0, "c-1": 0.0, "c-see": 1.0, "a-lift": 6.0, "b-hold": 6.0}
+
+
+def test_nothing_is_handed_out_before_its_task_is_released() -> None:
+    problem = problem_of(line("a-1", "b-2"))
+    late = replace(problem, tasks=(replace(problem.task("1"), release_s=3.5), problem.task("2")))
+    plan = make_plan(late, {"a": ["1"], "b": ["2"]})
+    assert play(plan, problem=late).dispatched_s() == {"a-01": 3.5, "b-01": 0.0}
+
+
 def test_auxiliary_tasks_are_told_as_such() -> None:
     plan = line("a-1", "a-home")
     problem = problem_of(plan)
@@ -240,6 +279,9 @@ def test_a_plan_that_could_never_end_is_refused_before_anything_happens(plan: Pl
     [
         ({"mode": "now"}, "mode: found 'now', expected one of sequential, timed"),
         ({"on_failure": "cry"}, "on_failure: found 'cry', expected one of skip, abort"),
+        ({"replan_on": ("failure", "boredom")}, "replan_on: found 'boredom', expected one of failure, delay"),
+        ({"delay_s": -1.0}, "delay_s: found -1.0, expected a finite number from 0"),
+        ({"max_replans": -1}, "max_replans: found -1, expected at least 0"),
         ({"max_attempts": 0}, "max_attempts: found 0, expected at least 1"),
         ({"timeout_s": 0.0}, r"timeout_s: found 0.0, expected a finite number above 0"),
         ({"grace_s": float("inf")}, r"grace_s: found inf, expected a finite number from 0"),

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from dispatch_strategies import FACTS, plans, policies, scripts
 from dispatching import Played, play, problem_of
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -15,72 +16,12 @@ from hrclog.dispatch_mode import DispatchMode, schedule_of
 from hrclog.errors import ScenarioError
 from hrclog.event_rows import check_row, to_row
 from hrclog.events import AnnotationAdded, Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted
-from hrclog.plan import Arrival, Plan, PlanItem
+from hrclog.plan import Arrival, Plan
 from hrclog.problem import Precedence, Problem
 from hrclog.recorders.dispatch_policy import DispatchPolicy, OnFailure
-from hrclog.recorders.scripted import Misbehaviour, ScriptStep
 from hrclog.state import PLANNED, apply
 
 pytestmark = pytest.mark.slow
-
-FACTS = ("part", "door")
-
-
-@st.composite
-def plans(draw: st.DrawFn, *, meets: bool = False, fewest: int = 0) -> Plan:
-    """Draw plans of 1-3 agents, row by row, so that precedences never point to a later row."""
-    items: list[PlanItem] = []
-    agents = [f"a{n}" for n in range(draw(st.integers(2 if meets else 1, 3)))]
-    lengths = {agent: draw(st.integers(max(fewest, 1), 4)) for agent in agents}
-    for row in range(4):
-        label = f"m{row}" if meets and draw(st.booleans()) else ""
-        for agent in (agent for agent in agents if row < lengths[agent]):
-            earlier = [item.item_id for item in items]
-            after = draw(st.sets(st.sampled_from(earlier), max_size=2)) if earlier and draw(st.booleans()) else ()
-            needs = draw(st.sets(st.sampled_from(FACTS))) if draw(st.integers(0, 4)) == 0 else ()
-            start = draw(st.none() | st.floats(0.0, 9.0))
-            name = f"{agent}-{row}"
-            items.append(
-                PlanItem(name, agent, f"t{name}", tuple(sorted(after)), start, None, label, tuple(sorted(needs)))
-            )
-    met = [item.meet for item in items]
-    items = [replace(item, meet=item.meet if met.count(item.meet) > 1 else "") for item in items]
-    arrivals = tuple(Arrival(fact, draw(st.floats(0.0, 9.0))) for fact in FACTS if draw(st.booleans()))
-    return Plan("drawn", tuple(items), arrivals)
-
-
-@st.composite
-def scripts(draw: st.DrawFn, plan: Plan) -> list[ScriptStep]:
-    """Draw one or two steps for each item, misbehaviour included; some items have none at all."""
-    steps = []
-    seconds = st.sampled_from((0.0, 0.5, 1.0, 2.5, 7.0))
-    for item in plan.items:
-        for _ in range(draw(st.sampled_from((0, 1, 1, 1, 2)))):
-            outcome = draw(st.sampled_from((Outcome.SUCCEEDED,) * 4 + tuple(Outcome)))
-            odd = draw(st.sampled_from(("",) * 9 + tuple(Misbehaviour)))
-            steps.append(
-                ScriptStep(
-                    agent=item.agent,
-                    task=item.task,
-                    delay_s=draw(seconds),
-                    duration_s=draw(seconds),
-                    outcome=outcome,
-                    misbehaviour=odd,
-                )
-            )
-    return steps
-
-
-policies = st.builds(
-    DispatchPolicy,
-    mode=st.sampled_from(DispatchMode),
-    max_attempts=st.integers(1, 3),
-    on_failure=st.sampled_from(OnFailure),
-    timeout_s=st.sampled_from((None, 1.5, 5.0)),
-    start_timeout_s=st.sampled_from((None, 0.25)),
-    grace_s=st.sampled_from((0.0, 1.0)),
-    max_wait_s=st.sampled_from((None, 0.0, 3.0)),
-)
 
 
 def check_events(plan: Plan, played: Played, policy: DispatchPolicy) -> None:
@@ -181,6 +122,40 @@ def test_partners_that_meet_are_handed_their_items_at_the_same_instant(
     when = played.dispatched_s()
     for label in {item.meet for item in plan.items} - {""}:
         assert len({when[i.item_id] for i in plan.items if i.meet == label and i.item_id in when}) <= 1
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.data(), plans(meets=True), policies)
+def test_nothing_is_used_twice_at_a_time_and_every_run_still_ends(
+    data: st.DataObject, plan: Plan, policy: DispatchPolicy
+) -> None:
+    used = {item.task: tuple(sorted(data.draw(st.sets(st.sampled_from("xyz"), max_size=2)))) for item in plan.items}
+    problem = problem_of(plan, resources=used)
+    try:
+        schedule_of(plan, DispatchMode(policy.mode), problem)
+    except ScenarioError:
+        assume(False)
+    played = play(plan, data.draw(scripts(plan)), policy, problem)
+    check_events(plan, played, policy)
+    taken: dict[str, str] = {}
+    for event in played.events:
+        if isinstance(event, TaskDispatched):
+            assert {taken.setdefault(name, event.item_id) for name in used[event.task]} <= {event.item_id}
+        elif isinstance(event, TaskEnded):
+            taken = {name: item_id for name, item_id in taken.items() if item_id != event.item_id}
+    if policy.on_failure == OnFailure.SKIP:
+        assert set(played.dispatcher.outcomes) == {item.item_id for item in plan.items}
+
+
+@pytest.mark.parametrize("mode", DispatchMode)
+@given(plan=plans(), data=st.data())
+@settings(max_examples=15, deadline=None)
+def test_well_behaved_agents_share_resources_to_a_good_end(mode: DispatchMode, plan: Plan, data: st.DataObject) -> None:
+    used = {item.task: tuple(data.draw(st.sets(st.sampled_from("xy")))) for item in plan.items}
+    arrivals = tuple(Arrival(fact, 2.0) for fact in FACTS)
+    problem = problem_of(plan, resources=used)
+    played = play(replace(plan, arrivals=arrivals), None, DispatchPolicy(mode=mode), problem)
+    assert played.dispatcher.verdict() == (Outcome.SUCCEEDED, "")
 
 
 @settings(max_examples=60, deadline=None)
