@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +18,7 @@ from hrclog.analyzers.synergy.fit import Fit, TaskModel
 from hrclog.analyzers.synergy.log_work import Floats
 from hrclog.analyzers.synergy.observations import observe
 from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.events import Outcome
 from hrclog.knowledge.task_times import Factor, Gap, TaskTime, TaskTimes
 
 ESTIMATOR_VERSION: Final = 1
@@ -53,7 +54,12 @@ def learn(intervals: pl.DataFrame, estimator: str = "aft", outliers: Outliers = 
     """
     fit = ESTIMATORS[estimator](observe(intervals), outliers)
     summary = durations(intervals)
-    return Learnt(estimator, outliers, summary, fit.synergies, TaskTimes(_times(fit, summary), gaps(intervals)))
+    failed = _failed(intervals)
+    times = {}
+    for key, time in _times(fit, summary).items():
+        rate, failed_s = failed.get(key, (0.0, 0.0))
+        times[key] = replace(time, failure_rate=rate, failed_s=failed_s)
+    return Learnt(estimator, outliers, summary, fit.synergies, TaskTimes(times, gaps(intervals)))
 
 
 def gaps(intervals: pl.DataFrame) -> dict[str, Gap]:
@@ -77,6 +83,19 @@ def gaps(intervals: pl.DataFrame) -> dict[str, Gap]:
         .agg(pl.col("gap_s").mean().alias("mean"), pl.col("gap_s").std().fill_null(0.0).alias("std"), pl.len())
     )
     return {agent: Gap(agent, mean, std, n) for agent, mean, std, n in found.iter_rows()}
+
+
+def _failed(intervals: pl.DataFrame) -> dict[AgentTask, tuple[float, float]]:
+    """Return of each (agent, task) the part of its attempts that fails, and how long such a one takes."""
+    failed = pl.col("outcome").is_in([Outcome.FAILED.value, Outcome.TIMED_OUT.value])
+    seconds = (pl.col("until_ns") - pl.col("start_ns")) / 1e9
+    found = (
+        intervals.filter(counted(), failed | (pl.col("outcome") == Outcome.SUCCEEDED.value))
+        .group_by("agent", "task")
+        .agg(failed.mean().alias("rate"), seconds.filter(failed).sort().mean().alias("failed_s"))
+        .filter(pl.col("rate").is_between(0, 1, closed="none"))
+    )
+    return {(agent, task): (rate, seconds) for agent, task, rate, seconds in found.iter_rows()}
 
 
 def _times(fit: Fit, summary: pl.DataFrame) -> dict[AgentTask, TaskTime]:

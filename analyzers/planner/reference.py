@@ -13,6 +13,7 @@ import numpy as np
 from hrclog.analyzers.planner.exhaustive import judge_all
 from hrclog.analyzers.planner.judge import Judge
 from hrclog.analyzers.planner.local_search import Effort, local_search
+from hrclog.analyzers.planner.mean_durations import by_mean_durations
 from hrclog.analyzers.planner.outcome import Ranked, Search
 from hrclog.analyzers.planner.space import Space
 from hrclog.analyzers.planner.worlds import expected_world
@@ -57,17 +58,6 @@ def best_by_durations(
     source = random.Random(f"ties:{seed}")  # noqa: S311 - reproducible planning, no cryptography
     chosen = [pick(ties, source)] if ties else []
     return replace(found, best=(*chosen, *(one for one in ties if one not in chosen)))
-
-
-def by_mean_durations(times: TaskTimes) -> TaskTimes:
-    """Return times of tasks that take their mean observed duration, whatever the others do."""
-    flat = {
-        key: time
-        if time.observed_s is None
-        else replace(time, mu=math.log(time.observed_s) - time.sigma**2 / 2, factors=(), covariance=None)
-        for key, time in times.times.items()
-    }
-    return TaskTimes(flat, times.gaps)
 
 
 def harmful_pairs(times: TaskTimes) -> tuple[tuple[AgentTask, AgentTask], ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hrclog.analyzers.planner.bound import lower_bound_s
 from hrclog.analyzers.planner.exhaustive import judge_all
-from hrclog.analyzers.planner.judge import Judge
+from hrclog.analyzers.planner.judge import Judge, Objective
 from hrclog.analyzers.planner.local_search import local_search
 from hrclog.analyzers.planner.outcome import Ranked, Search
 from hrclog.analyzers.planner.reference import best_by_durations, harmful_pairs, random_plan
@@ -62,10 +62,17 @@ def search(space: Space, times: TaskTimes, wish: Wish) -> tuple[Search, float]:
             found = cpsat(space, expected, min(wish.effort.seconds, _CPSAT_SECONDS), wish.seed)
             return found.search, max(bound, found.bound_s)
         case Method.LOCAL:
-            near = local_search(Judge(space, expected), wish.effort, wish.seed, keep=_KEPT)
-            return _judged_again(near, Judge(space, _worlds(space, times, wish), wish.objective)), bound
+            near = local_search(
+                Judge(space, expected, _near(wish.objective), times=times), wish.effort, wish.seed, keep=_KEPT
+            )
+            return _judged_again(near, Judge(space, _worlds(space, times, wish), wish.objective, times=times)), bound
         case _:
-            return judge_all(Judge(space, _worlds(space, times, wish), wish.objective)), bound
+            return judge_all(Judge(space, _worlds(space, times, wish), wish.objective, times=times)), bound
+
+
+def _near(objective: Objective) -> Objective:
+    """Return what is small in the expected world where an objective is small; there are no quantiles in one world."""
+    return objective if objective is Objective.CLOSED_FORM else Objective.MEAN
 
 
 def _worlds(space: Space, times: TaskTimes, wish: Wish) -> Worlds:

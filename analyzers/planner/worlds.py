@@ -21,7 +21,7 @@ class Worlds:
     """S worlds. The same execution of the same task has the same work in every plan, so plans differ by what they do.
 
     Attributes:
-        work_s: of the j-th execution of each key, shape (S, K, J).
+        work_s: of the j-th execution of each key, attempts that fail included, shape (S, K, J).
         rate: of the first key while the second runs, shape (S, K + 1, K + 1); the last stands for idle, with rate 1.
         gap_s: before the j-th item of each agent, shape (S, A, P).
     """
@@ -52,7 +52,7 @@ def expected_world(
         ScenarioError: nothing is known of a key.
     """
     known = _known(times, keys)
-    work = np.array([time.mean_s for time in known])
+    work = np.array([time.mean_s + _expected_failures(time) * _tried_s(time, times) for time in known])
     log_s = _log_factors(known, keys, [np.array([f.log_s for f in time.factors])[None] for time in known], 1)
     return Worlds(
         np.broadcast_to(work[None, :, None], (1, len(keys), size)),
@@ -88,6 +88,8 @@ def drawn_worlds(
         drawn = _parameters(time, _normal(source, count, 2 + len(time.factors)))
         noise = _normal(source, count, size)
         work[:, number] = np.exp(drawn[:, :1] + np.exp(drawn[:, 1:2]) * noise)
+        if time.failure_rate:
+            work[:, number] += _failures(time, _normal(source, count, size)) * _tried_s(time, times)
         factors.append(drawn[:, 2:])
     unknown = UNKNOWN_DEVIATION * _normal(source, count, (len(keys) + 1) ** 2)
     log_s = _log_factors(known, keys, factors, count, unknown.reshape(count, len(keys) + 1, -1))
@@ -105,6 +107,24 @@ def _known(times: TaskTimes, keys: Sequence[AgentTask]) -> list[TaskTime]:
             " task, or learn from runs with it: hrclog kb ingest"
         )
     return [times.times[key] for key in keys]
+
+
+def _expected_failures(time: TaskTime) -> float:
+    """Return how many attempts fail before one succeeds, on average."""
+    return time.failure_rate / (1.0 - time.failure_rate)
+
+
+def _failures(time: TaskTime, normal: Floats) -> Floats:
+    """Return how many attempts fail before one succeeds, geometric, shape as `normal`."""
+    from scipy.special import log_ndtr
+
+    found: Floats = np.floor(log_ndtr(normal) / math.log(time.failure_rate))
+    return found
+
+
+def _tried_s(time: TaskTime, times: TaskTimes) -> float:
+    """Return what a failed attempt costs: itself, and the gap before the next."""
+    return time.failed_s + _mean_gap(times, time.agent)
 
 
 def _normal(source: np.random.Generator, count: int, size: int) -> Floats:

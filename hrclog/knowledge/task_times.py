@@ -1,7 +1,7 @@
 """What is known of how long tasks take: the value that a knowledge base keeps and a plan is judged by.
 
 Work W (seconds) of an execution is lognormal, log W ~ N(mu, sigma^2); while other agents run tasks j it is done at rate
-1 / (product of s_j), and before each of its tasks an agent takes a gap.
+1 / (product of s_j), and before each of its tasks an agent takes a gap. An attempt may fail, and is then tried again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ PRIOR_WEIGHT: Final = 2.0
 GUESS_SIGMA: Final = 0.3
 """Standard deviation of log work that goes with a declared guess: two times in three within 35 % of it."""
 
-TIME_FIELDS: Final = ("agent", "task", "mu", "sigma", "n", "factors", "covariance", "observed_s", "guess_s")
+TIME_FIELDS: Final = (
+    *("agent", "task", "mu", "sigma", "n", "factors", "covariance", "observed_s", "guess_s"),
+    *("failure_rate", "failed_s"),
+)
 GAP_FIELDS: Final = ("agent", "mean_s", "std_s", "n")
 
 
@@ -53,6 +56,8 @@ class TaskTime:
         covariance: of (mu, log sigma, log s of each factor), shape (2 + P, 2 + P); None where not known.
         observed_s: mean duration of those executions, hindrance included; None where there are none.
         guess_s: the declared guess that is part of it, if any.
+        failure_rate: part of the attempts that fail, and are tried again.
+        failed_s: mean duration of an attempt that fails.
     """
 
     agent: str
@@ -64,6 +69,8 @@ class TaskTime:
     covariance: Floats | None = None
     observed_s: float | None = None
     guess_s: float | None = None
+    failure_rate: float = 0.0
+    failed_s: float = 0.0
 
     @property
     def key(self) -> AgentTask:
@@ -72,7 +79,7 @@ class TaskTime:
 
     @property
     def mean_s(self) -> float:
-        """Return the expected work in seconds: the duration beside agents that do not matter."""
+        """Return the expected work of a success in seconds: its duration beside agents that do not matter."""
         return math.exp(self.mu + self.sigma**2 / 2)
 
     @property
@@ -94,6 +101,8 @@ class TaskTime:
         }
         if self.covariance is not None:
             values["covariance"] = self.covariance.tolist()
+        if self.failure_rate:
+            values |= {"failure_rate": self.failure_rate, "failed_s": self.failed_s}
         seconds = {"observed_s": self.observed_s, "guess_s": self.guess_s}
         return values | {name: value for name, value in seconds.items() if value is not None}
 
@@ -200,4 +209,6 @@ def _time(entry: JsonRecord) -> TaskTime:
         covariance=None if covariance is None else np.array(covariance, np.float64),
         observed_s=entry.positive("observed_s") if "observed_s" in entry else None,
         guess_s=entry.positive("guess_s") if "guess_s" in entry else None,
+        failure_rate=entry.number("failure_rate", 0.0, most=1.0),
+        failed_s=entry.number("failed_s", 0.0),
     )

@@ -21,12 +21,11 @@ from hrclog.problem import Problem
 from hrclog.random_plans import random_plans
 from hrclog.recorders.dispatch_policy import DispatchPolicy
 from hrclog.sim.run import carry_out, fitting_plan
-from hrclog.sim.scenario import load_scenario
+from hrclog.sim.scenario import Scenario, load_scenario
 
 
-def _check(name: str, mode: DispatchMode, count: int, seed: int) -> None:
+def _check(given: Scenario, mode: DispatchMode, count: int, seed: int) -> None:
     """Hold the evaluator against the discrete-event simulator, plan by plan."""
-    given = load_scenario(name)
     scenario = replace(given, works=tuple(replace(work, failure_probability=0.0) for work in given.works))
     keys = scenario.problem.agent_tasks()
     policy = DispatchPolicy(mode=mode, max_wait_s=0.0)
@@ -55,13 +54,27 @@ def _possible(plan: Plan, mode: DispatchMode, problem: Problem) -> bool:
 @pytest.mark.parametrize("mode", [mode for mode in DispatchMode if mode is not DispatchMode.REACTIVE])
 @pytest.mark.parametrize("name", ["paper", "three-agents", "machine-tending", "authors-areas"])
 def test_a_plan_takes_as_long_as_the_simulator_takes_with_the_same_work(name: str, mode: DispatchMode) -> None:
-    _check(name, mode, 12, 3)
+    _check(load_scenario(name), mode, 12, 3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "three-agents"])
 def test_a_thousand_plans_take_as_long_as_in_the_simulator(name: str) -> None:
-    _check(name, DispatchMode.SEQUENTIAL, 1000, 5)
+    _check(load_scenario(name), DispatchMode.SEQUENTIAL, 1000, 5)
+
+
+@pytest.mark.parametrize("mode", [DispatchMode.SEQUENTIAL, DispatchMode.TIMED])
+@pytest.mark.parametrize("name", ["paper", "three-agents", "kitting"])
+def test_what_is_held_and_what_comes_late_is_waited_for_as_in_the_simulator(name: str, mode: DispatchMode) -> None:
+    given = load_scenario(name)
+    tasks = [task for task in given.problem.tasks if task.role != "auxiliary"]
+    held = {
+        task.name: replace(task, resources=(("vice",), ("vice", "crane"), (), ("crane",))[number % 4])
+        for number, task in enumerate(tasks)
+    }
+    late = {tasks[-1].name: replace(held[tasks[-1].name], release_s=21.5)}
+    changed = tuple((held | late).get(task.name, task) for task in given.problem.tasks)
+    _check(replace(given, problem=replace(given.problem, tasks=changed)), mode, 20, 3)
 
 
 def test_many_plans_and_worlds_at_once_are_each_judged_as_if_alone() -> None:
