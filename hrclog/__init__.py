@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from hrclog.analyzers.intervals import intervals
     from hrclog.analyzers.metrics import metrics
     from hrclog.analyzers.overlaps import overlaps
+    from hrclog.knowledge import open_knowledge
     from hrclog.log.reader import Logs, read_events, read_logs
     from hrclog.recorders.recorder import Recorder, TaskHandle
 
@@ -29,6 +30,7 @@ _LAZY = {
     "durations": "hrclog.analyzers.durations",
     "intervals": "hrclog.analyzers.intervals",
     "metrics": "hrclog.analyzers.metrics",
+    "open_knowledge": "hrclog.knowledge",
     "overlaps": "hrclog.analyzers.overlaps",
     "read_events": "hrclog.log.reader",
     "read_logs": "hrclog.log.reader",
@@ -45,6 +47,7 @@ __all__ = [
     "durations",
     "intervals",
     "metrics",
+    "open_knowledge",
     "overlaps",
     "read_events",
     "read_logs",

@@ -77,3 +77,11 @@ class OutputError(HrclogError):
     def __init__(self, path: Path | str, reason: str) -> None:
         self.path = Path(path)
         super().__init__(f"{path}: {reason}; choose another folder with -o or fix its permissions")
+
+
+class KnowledgeError(HrclogError):
+    """A knowledge base cannot be opened, read or written, or cannot do what was asked."""
+
+    def __init__(self, where: Path | str, found: str, remedy: str) -> None:
+        self.where = str(where)
+        super().__init__(f"{where}: {found}; {remedy}")

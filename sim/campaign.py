@@ -59,6 +59,7 @@ def simulate_campaign(
     progress: Progress | None = None,
     engine: str = ENGINES[0],
     resuming: Progress | None = None,
+    on_runs: Callable[[Sequence[Path]], None] = lambda _: None,
 ) -> tuple[Path, ...]:
     """Simulate runs, write one log each and the truth beside them, and return the paths of the logs.
 
@@ -75,6 +76,7 @@ def simulate_campaign(
         progress: called after each batch of runs.
         engine: one of `ENGINES`.
         resuming: called first with the number of runs that are there, if the campaign is resumed.
+        on_runs: given the logs of runs that are over, as they come; first, in one go, of those that were there before.
 
     Raises:
         LogExistsError: a file that would be written exists, or another campaign is unfinished in the folder; nothing
@@ -93,11 +95,14 @@ def simulate_campaign(
         left = [index for index in range(runs) if index not in folder.done]
         found = dict(folder.done)
         failures: list[_Failure] = []
-        for index, result in _results(_Campaign(scenario, seed, engine, out_dir, os.getpid()), left, workers, progress):
-            if isinstance(result, _Failure):
-                failures.append(result)
-            else:
-                found[index] = result
+        if found:
+            on_runs([folder.log(index) for index in sorted(found)])
+        for batch in _results(_Campaign(scenario, seed, engine, out_dir, os.getpid()), left, workers, progress):
+            failures += [result for _, result in batch if isinstance(result, _Failure)]
+            over = {index: result for index, result in batch if not isinstance(result, _Failure)}
+            found |= over
+            if over:
+                on_runs([folder.log(index) for index in over])
         if failures:
             raise _failed(failures, runs)
         folder.finish(_truth(scenario, seed, engine, [found[index] for index in range(runs)]))
@@ -117,12 +122,12 @@ def _truth(scenario: Scenario, seed: int, engine: str, runs: Sequence[RunTruth])
 
 def _results(
     campaign: _Campaign, indices: Sequence[int], workers: int, progress: Progress | None
-) -> Iterator[tuple[int, RunTruth | _Failure]]:
+) -> Iterator[list[tuple[int, RunTruth | _Failure]]]:
     size = _SLOW_BATCH if campaign.engine == "bullet" else _BATCH
     batches = [indices[start : start + size] for start in range(0, len(indices), size)]
     try:
         for batch, results in zip(batches, ordered_map(partial(_write_batch, campaign), batches, workers), strict=True):
-            yield from zip(batch, results, strict=True)
+            yield list(zip(batch, results, strict=True))
             if progress:
                 progress(len(batch))
     except BrokenExecutor as error:

@@ -22,6 +22,7 @@ VERBS = {
     "export": "Write events, intervals and overlaps as CSV or Parquet.",
     "import": "Turn other systems' records into logs.",
     "info": "Say what a log holds.",
+    "kb": "Keep what runs teach, where planners find it.",
     "plan": "Draw random plans of a scenario and write their files.",
     "record": "Record events given as JSON lines on standard input.",
     "recover": "Close logs whose recorder was killed.",

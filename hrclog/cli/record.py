@@ -6,6 +6,7 @@ import io
 import json
 import signal
 import sys
+from itertools import count, takewhile
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Self
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, json_option, print_json, printable
+from hrclog.cli.on_run_end import Following, on_run_end_option
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -66,6 +68,7 @@ class _Input:
 @click.option("--resume", is_flag=True, help="Continue the run at OUT.mcap in a further segment.")
 @click.option("--fsync", is_flag=True, help="Each event also survives a crash of the operating system.")
 @click.option("--ack", is_flag=True, help="Print seq and execution_id of each event once it is safe.")
+@on_run_end_option
 @json_option
 def command(
     path: Path,
@@ -73,6 +76,7 @@ def command(
     resume: bool,  # noqa: FBT001 - click passes flags by name
     fsync: bool,  # noqa: FBT001 - click passes flags by name
     ack: bool,  # noqa: FBT001 - click passes flags by name
+    knowledge: str | None,
     as_json: bool,  # noqa: FBT001 - click passes flags by name
 ) -> int:
     """Record a run from JSON lines on standard input, until it closes.
@@ -119,7 +123,18 @@ def command(
         )
     else:
         click.echo(f"{result.path}: {result.n_events} events recorded, {n_refused} lines refused", err=True)
-    return EXIT_DATA_LOST if n_refused else EXIT_FINE
+    return max(_follow(knowledge, path), EXIT_DATA_LOST if n_refused else EXIT_FINE)
+
+
+def _follow(knowledge: str | None, path: Path) -> int:
+    """Let a knowledge base take in the run, all of its segments, and return the exit code."""
+    from hrclog.recorders.recorder import log_path
+    from hrclog.recorders.segments import segment_path
+
+    paths = list(takewhile(Path.exists, (segment_path(log_path(path), number) for number in count(1))))
+    with Following(knowledge) as following:
+        following.take(paths)
+        return following.catch_up(" ".join(map(str, paths)))
 
 
 def _acknowledge(answer: dict[str, object]) -> None:

@@ -10,6 +10,7 @@ import click
 
 from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_option, signals_option
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, json_option, print_json, printable
+from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.sim.engine import ENGINES
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ _SIMULATED = "simulated"
     required=True,
     help="The log to be; it is not overwritten.",
 )
+@on_run_end_option
 @json_option
 def command(  # noqa: PLR0913 - an argument per option
     *,
@@ -94,6 +96,7 @@ def command(  # noqa: PLR0913 - an argument per option
     on_failure: str | None,
     real_time: bool,
     out: Path,
+    knowledge: str | None,
     as_json: bool,
 ) -> int:
     """Carry a plan out with simulated, replayed or scripted agents, and write the log.
@@ -146,7 +149,11 @@ def command(  # noqa: PLR0913 - an argument per option
         write_log(path, run.events, run.signals)
         ends = _last_ends(run.events)
         outcome, reason = _verdict(run.events[-1])
-    return _tell(path, plan, ends, outcome, reason, as_json=as_json)
+    code = _tell(path, plan, ends, outcome, reason, as_json=as_json)
+    with Following(knowledge) as following:
+        following.take([path])
+        behind = following.catch_up(str(path))
+    return code or behind
 
 
 def _ways(agents: Sequence[str], cell: Scenario) -> dict[str, tuple[str, Path]]:

@@ -8,6 +8,7 @@ import click
 
 from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_option, signals_option
 from hrclog.cli.common import Progress, json_option, print_json
+from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.sim.scenario import scenario_names
 
 
@@ -37,6 +38,7 @@ from hrclog.sim.scenario import scenario_names
 @safety_option
 @signals_option
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes to use.")
+@on_run_end_option
 @json_option
 def command(
     scenario: str,
@@ -47,6 +49,7 @@ def command(
     safety: str | None,
     signals_hz: float | None,
     workers: int,
+    knowledge: str | None,
     as_json: bool,  # noqa: FBT001 - click passes flags by name
 ) -> int:
     """Simulate runs of a cell and write one log each, with the truth beside them.
@@ -69,10 +72,14 @@ def command(
         click.echo(f"resuming: {count} of {runs} runs are there", err=True)
         simulating.advance(count)
 
-    try:
-        paths = simulate_campaign(cell, runs, seed, out_dir, workers, simulating.advance, engine, resuming)
-    finally:
-        simulating.done()
+    with Following(knowledge) as following:
+        try:
+            paths = simulate_campaign(
+                cell, runs, seed, out_dir, workers, simulating.advance, engine, resuming, following.take
+            )
+        finally:
+            simulating.done()
+            code = following.catch_up(str(out_dir))
     truth = out_dir / TRUTH_FILE
     failed = _failed(truth)
     contacts = _contacts(truth) if cell.cell and engine == "bullet" else None
@@ -94,7 +101,7 @@ def command(
             click.echo(f"runs in which something did not succeed: {failed} of {len(paths)}")
         if contacts is not None:
             click.echo(f"contacts while moving: {contacts} in {len(paths)} runs")
-    return 0
+    return code
 
 
 def _failed(truth: Path) -> int:

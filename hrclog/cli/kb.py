@@ -1,0 +1,272 @@
+"""`hrclog kb`: the knowledge base."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, cast
+
+import click
+
+from hrclog.cli.common import EXIT_FINE, Progress, json_option, logs_argument, print_json, tell
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.knowledge import Ingested
+    from hrclog.analyzers.synergy.outliers import Outliers
+    from hrclog.knowledge.base import KnowledgeBase
+
+VARIABLE: Final = "HRCLOG_KB"
+
+
+def _given(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str:
+    place = value or os.environ.get(VARIABLE, "")
+    if not place:
+        raise click.UsageError(f"no knowledge base is named: give --kb KB, or set {VARIABLE}")
+    return place
+
+
+kb_option = click.option(
+    "--kb",
+    "where",
+    metavar="KB",
+    callback=_given,
+    help=f"kb.sqlite or postgresql://USER@HOST/DATABASE.  [default: what {VARIABLE} says]",
+)
+estimator_option = click.option(
+    "--estimator",
+    type=click.Choice(["aft", "bayes", "ols", "paper"]),
+    help="How synergies are estimated.  [default: as before, at first aft]",
+)
+outliers_option = click.option(
+    "--outliers",
+    type=click.Choice(["none", "isolation-forest"]),
+    help="Which executions an estimator leaves out.  [default: as before, at first none]",
+)
+
+
+@click.group(name="kb")
+def command() -> None:
+    """Keep what runs teach, where planners find it.
+
+    The logs are the truth; a knowledge base is made from them, in SQLite or PostgreSQL, and can be made anew.
+    """
+
+
+@command.command(name="ingest")
+@logs_argument
+@kb_option
+@json_option
+def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Take in the runs of logs; what was taken in before adds nothing. Statistics stay as they are.
+
+    \b
+    Example:
+      hrclog kb ingest runs/*.mcap --kb kb.sqlite
+    """  # noqa: D301 - click's \b keeps the line breaks
+    with _opened(where, create=True) as kb:
+        found = _ingest(kb, logs)
+        _say(_of_runs(found), _sentence(found), as_json=as_json)
+    return tell(found.diagnostics)
+
+
+@command.command(name="update")
+@click.argument("logs", nargs=-1, metavar="[LOG...]", type=click.Path())
+@kb_option
+@estimator_option
+@outliers_option
+@json_option
+def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Bring statistics up to date; runs of the logs given are taken in first.
+
+    \b
+    Example:
+      hrclog kb update runs/*.mcap --kb kb.sqlite
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.knowledge import Ingested, update_statistics
+
+    with _opened(where, create=bool(logs)) as kb:
+        found = _ingest(kb, logs) if logs else Ingested()
+        changed = update_statistics(kb, estimator, cast("Outliers | None", outliers))
+        said = "statistics updated" if changed else "statistics are up to date"
+        sentence = f"{_sentence(found)}; {said}" if logs else said
+        _say(_of_runs(found) | {"updated": changed, "statistics": _made(kb)}, sentence, as_json=as_json)
+    return tell(found.diagnostics)
+
+
+@command.command(name="show")
+@kb_option
+@json_option
+def show(where: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Show runs, durations and synergies, what they were made from, and declared guesses.
+
+    \b
+    Example:
+      hrclog kb show --kb kb.sqlite
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.cli.kb_text import contents, contents_text
+
+    with _opened(where) as kb, kb.view() as view:
+        if as_json:
+            print_json(contents(view))
+        else:
+            click.echo(contents_text(view))
+    return EXIT_FINE
+
+
+@command.command(name="withdraw")
+@click.argument("run")
+@kb_option
+@click.option("--reason", default="", help="Why; kept beside the run.")
+@click.option("--undo", is_flag=True, help="Take it back into statistics.")
+@json_option
+def withdraw(run: str, where: str, reason: str, undo: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Leave a run, named by its id or name, out of statistics, also if it is given again.
+
+    \b
+    Example:
+      hrclog kb withdraw paper_0003 --reason "the gripper was loose" --kb kb.sqlite
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.knowledge import update_statistics
+
+    if undo and reason:
+        raise click.UsageError("--reason does not go with --undo")
+    with _opened(where) as kb:
+        run_id = kb.undo_withdrawal(run) if undo else kb.withdraw(run, reason)
+        changed = update_statistics(kb)
+        what = "counts again" if undo else "is withdrawn"
+        sentence = f"{run} {what}; " + ("statistics updated" if changed else "statistics are as before")
+        _say({"run_id": run_id, "withdrawn": not undo, "updated": changed}, sentence, as_json=as_json)
+    return EXIT_FINE
+
+
+@command.command(name="export")
+@kb_option
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the files.")
+@click.option(
+    "--format", "kind", type=click.Choice(["json", "parquet"]), default="json", show_default=True, help="Of the files."
+)
+@click.option("--to", "target", metavar="URL", help="mongodb://USER@HOST/DATABASE to write copies to.")
+@json_option
+def export(where: str, output: Path | None, kind: str, target: str | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Write the collections task_properties, task_results, task_durations and task_synergies.
+
+    JSON has the shapes of the paper authors' stack, and `hrclog kb import` reads it back.
+
+    \b
+    Example:
+      hrclog kb export --kb kb.sqlite -o exported
+    """  # noqa: D301 - click's \b keeps the line breaks
+    if bool(output) == bool(target):
+        raise click.UsageError("expected either -o DIR or --to mongodb://...")
+    with _opened(where) as kb:
+        if target:
+            from hrclog.knowledge.mongo import export_mongo
+
+            counts = export_mongo(kb, target)
+            written = [{"collection": name, "documents": count} for name, count in counts.items()]
+            lines = [f"{name}: {count} documents" for name, count in counts.items()]
+        else:
+            from hrclog.knowledge.exchange import export_json, export_parquet
+
+            assert output is not None  # noqa: S101 - either is given
+            files = (export_json if kind == "json" else export_parquet)(kb, output)
+            written = [{"path": str(path), "rows": count} for path, count in files]
+            lines = [f"{path}: {count} {'documents' if kind == 'json' else 'rows'}" for path, count in files]
+    _say({"written": written}, "\n".join(lines), as_json=as_json)
+    return EXIT_FINE
+
+
+@command.command(name="import")
+@click.argument("source", metavar="DIR", type=click.Path(path_type=Path))
+@kb_option
+@json_option
+def import_(source: Path, where: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Take in what `hrclog kb export` wrote, or the paper authors' dumps task_results.json and task_properties.json.
+
+    \b
+    Example:
+      hrclog kb import exported --kb kb.sqlite
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.knowledge import update_statistics
+    from hrclog.cli.kb_import import import_folder
+
+    with _opened(where, create=True) as kb:
+        found, method = import_folder(kb, source)
+        changed = update_statistics(kb, *method)
+        sentence = f"{_sentence(found)}; " + ("statistics updated" if changed else "statistics are up to date")
+        _say(_of_runs(found) | {"updated": changed, "statistics": _made(kb)}, sentence, as_json=as_json)
+    return tell(found.diagnostics)
+
+
+@command.command(name="rebuild")
+@logs_argument
+@kb_option
+@estimator_option
+@outliers_option
+@json_option
+def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+    """Make everything anew from logs, put in place at once; withdrawals stay.
+
+    \b
+    Example:
+      hrclog kb rebuild runs/*.mcap --kb kb.sqlite
+    """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.knowledge import rebuild as rebuild_from
+
+    reading = Progress("reading logs")
+    with _opened(where, create=True) as kb:
+        try:
+            found = rebuild_from(kb, logs, estimator, cast("Outliers | None", outliers), reading)
+        finally:
+            reading.done()
+        said = f"made anew from {len(found.added)} runs"
+        _say({"runs": found.added, "statistics": _made(kb)}, said, as_json=as_json)
+    return tell(found.diagnostics)
+
+
+@contextmanager
+def _opened(where: str, *, create: bool = False) -> Iterator[KnowledgeBase]:
+    from hrclog.knowledge import open_knowledge
+
+    with open_knowledge(where, create=create) as kb:
+        yield kb
+
+
+def _ingest(kb: KnowledgeBase, logs: tuple[str, ...]) -> Ingested:
+    from hrclog.analyzers.knowledge import ingest_logs
+
+    reading = Progress("reading logs")
+    try:
+        return ingest_logs(kb, logs, reading)
+    finally:
+        reading.done()
+
+
+def _of_runs(found: Ingested) -> dict[str, Any]:
+    return {
+        "added": found.added,
+        "replaced": found.replaced,
+        "unchanged": found.unchanged,
+        "diagnostics": [finding.as_dict() for finding in found.diagnostics],
+    }
+
+
+def _sentence(found: Ingested) -> str:
+    replaced = f", {len(found.replaced)} replaced by a later version" if found.replaced else ""
+    runs = "run" if len(found.added) == 1 else "runs"
+    return f"{len(found.added)} {runs} added{replaced}, {len(found.unchanged)} there already"
+
+
+def _made(kb: KnowledgeBase) -> dict[str, Any] | None:
+    from hrclog.cli.kb_text import made_from
+
+    return made_from(kb.statistics())
+
+
+def _say(document: dict[str, Any], sentence: str, *, as_json: bool) -> None:
+    if as_json:
+        print_json(document)
+    else:
+        click.echo(sentence)

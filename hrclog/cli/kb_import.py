@@ -1,0 +1,90 @@
+"""What `hrclog kb import` takes in: an export of a knowledge base, or dumps of the paper authors' database."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from hrclog.analyzers.knowledge import Ingested, ingest_events
+from hrclog.diagnostic import Diagnostic
+from hrclog.errors import ImportDataError
+from hrclog.events import Event, RunStarted
+from hrclog.knowledge.base import KnowledgeBase
+from hrclog.knowledge.exchange import import_json, is_export
+from hrclog.recorders.importers.mongo import run_events
+from hrclog.recorders.importers.mongo_dump import document_id, read_task_results
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.synergy.outliers import Outliers
+
+Method = tuple["str | None", "Outliers | None"]
+"""Estimator and outliers, None for what the knowledge base has."""
+
+_RESULTS = "task_results.json"
+_PROPERTIES = "task_properties.json"
+
+
+def import_folder(kb: KnowledgeBase, folder: Path) -> tuple[Ingested, Method]:
+    """Take in a folder, and return what became of the runs and which statistics it had.
+
+    Raises:
+        ImportDataError: the folder holds neither, or a file cannot be read.
+        KnowledgeError: the database fails.
+    """
+    if is_export(folder):
+        done, made = import_json(kb, folder)
+        method: Method = (None, None)
+        if made and kb.statistics() is None:
+            method = (made[0], cast("Outliers", made[1]))
+        return Ingested(done["added"], done["replaced"], done["unchanged"]), method
+    if not (folder / _RESULTS).is_file():
+        expected = f"a folder with {_RESULTS}, as hrclog kb export or mongoexport writes it"
+        raise ImportDataError(folder, "none", expected, "correct the path")
+    rows, diagnostics = read_task_results(folder / _RESULTS)
+    events, doubled = _events(rows, _properties(folder / _PROPERTIES), folder / _RESULTS)
+    found = ingest_events(kb, events)
+    return replace(found, diagnostics=[*diagnostics, *doubled, *found.diagnostics]), (None, None)
+
+
+def _events(
+    rows: list[dict[str, Any]], properties: list[dict[str, Any]] | None, source: Path
+) -> tuple[list[Event], list[Diagnostic]]:
+    """Return the events of all recipes; the same document twice counts once."""
+    runs: dict[str, dict[str, dict[str, Any]]] = {}
+    doubled: list[Diagnostic] = []
+    for row in rows:
+        kept = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), row)
+        if repr(kept) != repr(row):
+            text = f"a second, different document has the id {document_id(row)}; the first was kept"
+            doubled.append(Diagnostic("skipped_row", text, str(source)))
+    events: list[Event] = []
+    for recipe, documents in sorted(runs.items()):
+        for seq, event in enumerate(run_events(recipe, documents.values())):
+            declared = replace(event, task_properties=properties) if isinstance(event, RunStarted) else event
+            events.append(replace(declared, seq=seq))
+    return events, doubled
+
+
+def _properties(path: Path) -> list[dict[str, Any]] | None:
+    """Return what upstream's task_properties declare, as a run would; None where the file is not there."""
+    if not path.exists():
+        return None
+    expected = "a JSON array of task properties"
+    try:
+        documents = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as error:
+        raise ImportDataError(path, f"what cannot be read ({error})", expected, "export it again") from error
+    if not isinstance(documents, list) or not all(isinstance(document, Mapping) for document in documents):
+        raise ImportDataError(path, "something else", expected, "export it again")
+    return [
+        {
+            "name": document.get("name"),
+            "type": document.get("type"),
+            "agents": document.get("agent"),
+            "targets": document.get("goal"),
+        }
+        for document in documents
+    ]

@@ -1,0 +1,144 @@
+"""A knowledge base: runs and what was learnt from them, in SQLite or PostgreSQL.
+
+It is a projection of the logs. Its state is a function of the set of runs that it was given, of those that were
+withdrawn, and of the estimator: neither the order matters, nor how often, nor by how many processes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from hrclog.errors import KnowledgeError
+from hrclog.knowledge.database import WAIT_S, Database
+from hrclog.knowledge.view import RunEntry, StatisticsEntry, View
+
+if TYPE_CHECKING:
+    import polars as pl
+    from sqlalchemy import Connection
+
+    from hrclog.knowledge.properties import TaskProperties
+    from hrclog.knowledge.records import RunRecord
+    from hrclog.knowledge.task_times import TaskTimes
+
+
+class KnowledgeBase:
+    """Runs, their executions, and statistics of them.
+
+    Args:
+        where: a file, sqlite:///FILE or postgresql://USER@HOST/DATABASE.
+        create: make an empty one where nothing is.
+        wait_s: how long to wait while another process writes.
+
+    Raises:
+        KnowledgeError: it cannot be reached, or is something else.
+    """
+
+    def __init__(self, where: str | Path, *, create: bool = False, wait_s: float = WAIT_S) -> None:
+        self._database = Database(where, create=create, wait_s=wait_s)
+        self.where = self._database.place.shown
+
+    def close(self) -> None:
+        """Close it; what was written stays."""
+        self._database.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @contextmanager
+    def view(self) -> Iterator[View]:
+        """Give one state to read from, whatever others write meanwhile."""
+        with self._database.reading() as connection:
+            yield View(connection)
+
+    def runs(self) -> list[RunEntry]:
+        """Return all runs, withdrawn ones too, by (start_ns, run_id)."""
+        with self.view() as view:
+            return view.runs()
+
+    def results(self) -> pl.DataFrame:
+        """Return the executions of the runs that are not withdrawn, with the columns of intervals; `path` is ""."""
+        with self.view() as view:
+            return view.results()
+
+    def durations(self) -> pl.DataFrame:
+        """Return what is known of durations, one row per (agent, task)."""
+        with self.view() as view:
+            return view.durations()
+
+    def synergies(self) -> pl.DataFrame:
+        """Return the synergies of pairs of tasks of different agents."""
+        with self.view() as view:
+            return view.synergies()
+
+    def times(self) -> TaskTimes:
+        """Return what plans are judged by; nothing where there are no statistics yet."""
+        with self.view() as view:
+            return view.times()
+
+    def properties(self) -> list[TaskProperties]:
+        """Return the tasks as the latest run that is not withdrawn declares each, sorted by name."""
+        with self.view() as view:
+            return view.properties()
+
+    def statistics(self) -> StatisticsEntry | None:
+        """Return what the statistics are made from, None where there are none yet."""
+        with self.view() as view:
+            return view.statistics()
+
+    def put(self, run: RunRecord) -> str:
+        """Keep a run, in a transaction of its own; return added, replaced or unchanged."""
+        from hrclog.knowledge.write import put_run
+
+        with self.writing() as connection:
+            return put_run(connection, run)
+
+    def withdraw(self, run: str, reason: str = "") -> str:
+        """Leave a run out of statistics from their next update on, also if it is given again; return its id.
+
+        Args:
+            run: its id or, where only one run has it, its name.
+            reason: why.
+
+        Raises:
+            KnowledgeError: no run, or several, are meant.
+        """
+        return self._withdraw(run, reason)
+
+    def undo_withdrawal(self, run: str) -> str:
+        """Take a withdrawn run back into statistics, and return its id; arguments as those of `withdraw`."""
+        return self._withdraw(run, None)
+
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """Give the one connection that may write; its changes come true together at the end, or none does."""
+        with self._database.writing() as connection:
+            yield connection
+
+    def _withdraw(self, run: str, reason: str | None) -> str:
+        from hrclog.knowledge.rows import clean_text
+        from hrclog.knowledge.write import put_withdrawal
+
+        with self.writing() as connection:
+            view = View(connection)
+            run_id = _meant(self.where, run, view)
+            put_withdrawal(connection, run_id, None if reason is None else clean_text(reason))
+            return run_id
+
+
+def _meant(where: str, run: str, view: View) -> str:
+    """Return the id of the run that is meant by an id or a name."""
+    runs = view.runs()
+    if any(run == entry.run_id for entry in runs) or run in view.withdrawals():
+        return run
+    named = [entry.run_id for entry in runs if entry.name == run]
+    if len(named) == 1:
+        return named[0]
+    found = f"{len(named)} runs are named {run!r}" if named else f"no run has the id or the name {run!r}"
+    ids = f"give one of their ids: {', '.join(named[:4])}" if named else "hrclog kb show lists them"
+    raise KnowledgeError(where, found, ids)

@@ -1,0 +1,169 @@
+"""Transactions on a knowledge base, and what to say when one fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy import Connection, insert, inspect, select, text
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+
+from hrclog.errors import KnowledgeError
+from hrclog.knowledge.place import WRITING, Place, make_engine, place_of
+from hrclog.knowledge.tables import META, METADATA, SCHEMA_VERSION
+
+WAIT_S: Final = 10.0
+"""How long to wait for another writer, in seconds."""
+
+_LOCK: Final = 0x6872636C6F67  # "hrclog", the number of the lock that writers to one PostgreSQL database share
+
+
+class Database:
+    """A place with the tables of a knowledge base.
+
+    Args:
+        where: a file, sqlite:///FILE or postgresql://USER@HOST/DATABASE.
+        create: make the tables where nothing is.
+        wait_s: how long to wait for another writer.
+
+    Raises:
+        KnowledgeError: it cannot be reached, or is something else.
+    """
+
+    def __init__(self, where: str | Path, *, create: bool, wait_s: float = WAIT_S) -> None:
+        self.place = place_of(where)
+        self.wait_s = wait_s
+        if self.place.path is not None:
+            _check_file(self.place.path, create=create)
+        self._engine = make_engine(self.place, wait_s)
+        try:
+            if not self._is_there():
+                self._create(create=create)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """Give a connection that sees one state throughout, whatever others write.
+
+        Raises:
+            KnowledgeError: the database fails.
+        """
+        options = {} if self._is_sqlite else {"isolation_level": "REPEATABLE READ"}
+        with _told(self.place), self._engine.connect().execution_options(**options) as connection, connection.begin():
+            yield connection
+
+    @contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """Give the one connection that may write, and commit at the end; all or nothing is written.
+
+        Raises:
+            KnowledgeError: the database fails, or another process writes for too long.
+        """
+        options = {WRITING: True}
+        with _told(self.place), self._engine.connect().execution_options(**options) as connection, connection.begin():
+            if not self._is_sqlite:
+                connection.execute(text(f"SET LOCAL lock_timeout = {int(self.wait_s * 1000)}"))
+                connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
+            yield connection
+
+    @property
+    def _is_sqlite(self) -> bool:
+        return self.place.path is not None
+
+    def _is_there(self) -> bool:
+        """Return whether this is a knowledge base; False where there is nothing.
+
+        Raises:
+            KnowledgeError: it is something else.
+        """
+        with self.reading() as connection:
+            found = set(inspect(connection).get_table_names())
+            if META.name in found:
+                _check_version(self.place, connection)
+                return True
+        taken = found if self._is_sqlite else found & set(METADATA.tables)
+        if taken:
+            names = ", ".join(sorted(taken)[:4])
+            raise KnowledgeError(self.place.shown, f"found a database of something else (tables {names})", _ANOTHER)
+        return False
+
+    def _create(self, *, create: bool) -> None:
+        if not create:
+            raise _nothing(self.place.shown)
+        if self._is_sqlite:
+            with _told(self.place), self._engine.connect() as connection:
+                raw = connection.connection.driver_connection
+                assert raw is not None  # noqa: S101 - a connection has one
+                raw.execute("PRAGMA journal_mode=WAL")  # readers and a writer do not wait for each other
+        with self.writing() as connection:
+            if not inspect(connection).has_table(META.name):  # another process may have been faster
+                METADATA.create_all(connection)
+                connection.execute(insert(META).values(key="schema_version", value=SCHEMA_VERSION))
+
+
+_ANOTHER: Final = "choose another place for the knowledge base"
+
+
+def _check_file(path: Path, *, create: bool) -> None:
+    if path.is_dir():
+        raise KnowledgeError(path, "found a folder, expected a file", _ANOTHER)
+    if not path.exists() and not create:
+        raise _nothing(path)
+    if not path.parent.is_dir():
+        raise KnowledgeError(path, f"there is no folder {path.parent}", "make it, or correct the path")
+
+
+def _nothing(where: str | Path) -> KnowledgeError:
+    remedy = f"correct the name, or make one with: hrclog kb update LOG... --kb {where}"
+    return KnowledgeError(where, "found no knowledge base", remedy)
+
+
+def _check_version(place: Place, connection: Connection) -> None:
+    version = connection.execute(select(META.c.value).where(META.c.key == "schema_version")).scalar()
+    if version != SCHEMA_VERSION:
+        found = f"found a knowledge base of schema version {version}, expected {SCHEMA_VERSION}"
+        remedy = "use the hrclog that made it, or make a new one from the logs with hrclog kb update LOG... --kb NEW"
+        raise KnowledgeError(place.shown, found, remedy)
+
+
+@contextmanager
+def _told(place: Place) -> Iterator[None]:
+    """Turn what a database raises into an error that says what to do."""
+    try:
+        yield
+    except DBAPIError as error:
+        raise _error(place, str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "?") from error
+    except SQLAlchemyError as error:
+        raise _error(place, str(error).splitlines()[0]) from error
+
+
+_REMEDIES: Final = (
+    # what a database says, what it means, what to do
+    ("file is not a database", "found a file that is no SQLite database", _ANOTHER),
+    ("database is locked", "another process is writing, and did not end in time", "try again when it is done"),
+    ("lock timeout", "another process is writing, and did not end in time", "try again when it is done"),
+    ("readonly database", "it can only be read", "fix the permissions of the file and its folder"),
+    ("unable to open", "it cannot be opened", "fix the permissions of the file and its folder"),
+    ("disk is full", "the disk is full", "make room"),
+    ("malformed", "the database is damaged", "make a new one from the logs with hrclog kb update LOG... --kb NEW"),
+    ("authentication failed", "user or password are wrong", "correct them (see ~/.pgpass)"),
+    ("no password supplied", "a password is needed", "give it in ~/.pgpass or PGPASSWORD"),
+    ("does not exist", "there is no such database or user", "make it with createdb, or correct the name"),
+    ("permission denied", "the user may not do this", "ask for the right to create and write tables"),
+    ("onnection", "the server cannot be reached", "start it, or correct host and port"),
+)
+
+
+def _error(place: Place, said: str) -> KnowledgeError:
+    for words, meaning, remedy in _REMEDIES:
+        if words in said:
+            return KnowledgeError(place.shown, f"{meaning} ({said})", remedy)
+    return KnowledgeError(place.shown, f"the database failed ({said})", "see its own messages")

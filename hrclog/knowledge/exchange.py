@@ -1,0 +1,207 @@
+"""A knowledge base as files: the four collections as JSON, and beside them what it takes to make it anew."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from itertools import chain
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from hrclog.errors import HrclogError, ImportDataError, OutputError
+from hrclog.knowledge.base import KnowledgeBase
+from hrclog.knowledge.documents import (
+    Document,
+    duration_documents,
+    property_documents,
+    recipes,
+    result_documents,
+    result_row,
+    synergy_documents,
+)
+from hrclog.knowledge.properties import TaskProperties, properties_from_row, snapshot_id
+from hrclog.knowledge.records import RunRecord, Version, results_frame
+from hrclog.knowledge.rows import frame_schema
+from hrclog.knowledge.tables import SCHEMA_VERSION, TASK_RESULTS
+from hrclog.knowledge.view import View
+from hrclog.knowledge.write import put_withdrawal
+
+REST: Final = "hrclog.json"
+"""The file of what the four collections do not say."""
+
+_REMEDY: Final = "export it again"
+
+
+def export_json(kb: KnowledgeBase, folder: Path) -> list[tuple[Path, int]]:
+    """Write the four collections, and what it takes to make the knowledge base anew.
+
+    Returns:
+        Path and number of documents of each collection.
+
+    Raises:
+        OutputError: a file cannot be written.
+        KnowledgeError: the database fails.
+    """
+    with kb.view() as view:
+        files = {"task_results": list(chain.from_iterable(run_documents(view).values())), **other_documents(view)}
+        rest = _rest(view)
+    written = [(folder / f"{name}.json", len(documents)) for name, documents in files.items()]
+    for (path, _), documents in zip(written, files.values(), strict=True):
+        _write(path, documents)
+    _write(folder / REST, rest)
+    return written
+
+
+def run_documents(view: View) -> dict[str, list[Document]]:
+    """Return the documents of task_results by run_id, but for withdrawn runs."""
+    return dict(result_documents(view.results(), recipes(view.runs())))
+
+
+def other_documents(view: View) -> dict[str, list[Document]]:
+    """Return the documents of the other three collections."""
+    durations = view.durations()
+    return {
+        "task_properties": property_documents(view.properties()),
+        "task_durations": duration_documents(durations),
+        "task_synergies": synergy_documents(view.synergies(), durations),
+    }
+
+
+def export_parquet(kb: KnowledgeBase, folder: Path) -> list[tuple[Path, int]]:
+    """Write the four collections and the runs as Parquet files.
+
+    Returns:
+        Path and number of rows of each.
+
+    Raises:
+        OutputError: a file cannot be written.
+        KnowledgeError: the database fails.
+    """
+    with kb.view() as view:
+        frames = {
+            "task_properties": pl.DataFrame([task.to_row() for task in view.properties()], _PROPERTIES),
+            "task_results": view.results().drop("path"),
+            "task_durations": view.durations(),
+            "task_synergies": view.synergies(),
+            "runs": pl.DataFrame([asdict(run) for run in view.runs()], _RUNS),
+        }
+    written: list[tuple[Path, int]] = []
+    for name, frame in frames.items():
+        path = folder / f"{name}.parquet"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            frame.write_parquet(path)
+        except OSError as error:
+            raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
+        written.append((path, frame.height))
+    return written
+
+
+_PROPERTIES: Final = pl.Schema(
+    dict.fromkeys(("task", "task_type", "agents", "targets", "role", "expected_s"), pl.String())
+)
+_RUNS: Final = pl.Schema(
+    dict.fromkeys(("run_id", "digest", "name", "outcome"), pl.String())
+    | dict.fromkeys(("start_ns", "n_events", "n_executions"), pl.Int64())
+    | {"snapshot": pl.String(), "withdrawn": pl.String()}
+)
+
+
+def is_export(folder: Path) -> bool:
+    """Return whether a folder holds what `export_json` wrote."""
+    return (folder / REST).is_file()
+
+
+def import_json(kb: KnowledgeBase, folder: Path) -> tuple[dict[str, list[str]], tuple[str, str] | None]:
+    """Take in what `export_json` wrote; statistics are not read, but are to be made anew.
+
+    Returns:
+        Ids of runs by what became of them (added, replaced, unchanged), and estimator and outliers of the statistics.
+
+    Raises:
+        ImportDataError: a file is missing or not what was written.
+        KnowledgeError: the database fails.
+    """
+    rest = _read(folder / REST)
+    documents = _read(folder / "task_results.json")
+    try:
+        _check_version(folder / REST, rest["schema_version"])
+        results = _results([*documents, *rest["withdrawn_results"]])
+        records = [_record(run, rest["snapshots"], results) for run in rest["runs"]]
+        withdrawals = {str(run): str(reason) for run, reason in rest["withdrawals"].items()}
+        made = rest["statistics"] and (str(rest["statistics"]["estimator"]), str(rest["statistics"]["outliers"]))
+    except HrclogError:
+        raise
+    except Exception as error:
+        found = f"{type(error).__name__}: {error}"
+        raise ImportDataError(folder / REST, found, "what hrclog kb export wrote", _REMEDY) from error
+    done: dict[str, list[str]] = {"added": [], "replaced": [], "unchanged": []}
+    for record in records:
+        done[kb.put(record)].append(record.run_id)
+    with kb.writing() as connection:
+        there = View(connection).withdrawals()
+        for run_id, reason in withdrawals.items():
+            put_withdrawal(connection, run_id, there.get(run_id, reason))
+    return done, made
+
+
+def _rest(view: View) -> dict[str, Any]:
+    made = view.statistics()
+    runs = view.runs()
+    withdrawn = result_documents(view.results(withdrawn=True), recipes(runs))
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "runs": [{name: value for name, value in asdict(run).items() if name != "withdrawn"} for run in runs],
+        "snapshots": {key: [task.to_row() for task in tasks] for key, tasks in view.snapshots().items()},
+        "withdrawals": view.withdrawals(),
+        "withdrawn_results": list(chain.from_iterable(documents for _, documents in withdrawn)),
+        "statistics": made and {name: value for name, value in asdict(made).items() if name != "runs"},
+    }
+
+
+def _check_version(path: Path, found: object) -> None:
+    if found != SCHEMA_VERSION:
+        raise ImportDataError(path, f"schema version {found!r}", SCHEMA_VERSION, _REMEDY)
+
+
+def _results(documents: Iterable[Mapping[str, Any]]) -> dict[str, pl.DataFrame]:
+    rows = [result_row(document) for document in documents]
+    if None in rows:
+        raise ValueError("a task result has no field hrclog")
+    frame = results_frame(pl.DataFrame(rows, frame_schema(TASK_RESULTS), orient="row"))
+    return {str(run): part for (run,), part in frame.partition_by("run_id", as_dict=True).items()}
+
+
+def _record(run: Mapping[str, Any], snapshots: Mapping[str, Any], results: Mapping[str, pl.DataFrame]) -> RunRecord:
+    tasks: tuple[TaskProperties, ...] = ()
+    if run["snapshot"]:
+        tasks = tuple(properties_from_row(row) for row in snapshots[run["snapshot"]])
+    executions = results.get(run["run_id"], pl.DataFrame(schema=frame_schema(TASK_RESULTS)))
+    if executions.height != run["n_executions"] or snapshot_id(tasks) != run["snapshot"]:
+        raise ValueError(f"run {run['run_id']} is not whole")
+    version = Version(int(run["n_events"]), str(run["digest"]))
+    return RunRecord(
+        str(run["run_id"]), version, str(run["name"]), str(run["outcome"]), int(run["start_ns"]), tasks, executions
+    )
+
+
+def _write(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
+
+
+def _read(path: Path) -> Any:  # noqa: ANN401 - any JSON value
+    expected = "what hrclog kb export wrote"
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        found = f"a file that cannot be opened ({error.strerror})"
+        raise ImportDataError(path, found, expected, _REMEDY) from error
+    except ValueError as error:
+        raise ImportDataError(path, f"no JSON ({error})", expected, _REMEDY) from error

@@ -1,0 +1,112 @@
+"""Statistics that follow the runs: made apart, and put in place at once, if they are of the runs that are there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+
+from hrclog.knowledge.base import KnowledgeBase
+from hrclog.knowledge.records import RunRecord, results_frame, statistics_id
+from hrclog.knowledge.rows import frame_schema
+from hrclog.knowledge.tables import TASK_RESULTS
+from hrclog.knowledge.view import StatisticsEntry, View
+from hrclog.knowledge.write import Taught, clear_runs, put_run, put_statistics
+
+_TRIES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """How statistics are made.
+
+    Attributes:
+        estimator: its name.
+        version: grows when the same runs give other statistics.
+        outliers: which executions it leaves out.
+        teach: makes statistics of a frame of intervals.
+    """
+
+    estimator: str
+    version: int
+    outliers: str
+    teach: Callable[[pl.DataFrame], Taught]
+
+    def made_from(self, runs: tuple[tuple[str, str], ...]) -> StatisticsEntry:
+        """Return what statistics of runs, given as (run_id, digest), are made from."""
+        key = statistics_id(runs, self.estimator, self.version, self.outliers)
+        return StatisticsEntry(key, self.estimator, self.version, self.outliers, runs)
+
+
+def update(kb: KnowledgeBase, method: Method) -> bool:
+    """Bring statistics up to date, and return whether anything had to be done.
+
+    They are made while others may write; if the runs changed meanwhile, again, and at last with the others waiting.
+
+    Args:
+        kb: the knowledge base.
+        method: how statistics are made.
+
+    Raises:
+        KnowledgeError: the database fails.
+    """
+    for _ in range(_TRIES):
+        with kb.view() as view:
+            wanted = method.made_from(view.used_runs())
+            if _is_current(view, wanted):
+                return False
+            results = view.results()
+        taught = method.teach(results)
+        with kb.writing() as connection:
+            view = View(connection)
+            if view.used_runs() == wanted.runs:
+                put_statistics(connection, taught, wanted)
+                return True
+    with kb.writing() as connection:
+        view = View(connection)
+        put_statistics(connection, method.teach(view.results()), method.made_from(view.used_runs()))
+    return True
+
+
+def rebuild(kb: KnowledgeBase, runs: Iterable[RunRecord], method: Method) -> None:
+    """Put runs and their statistics in the place of all that is there; withdrawals stay.
+
+    Args:
+        kb: the knowledge base.
+        runs: each once.
+        method: how statistics are made.
+
+    Raises:
+        KnowledgeError: the database fails; nothing has changed then.
+    """
+    kept = {run.run_id: run for run in runs}
+    with kb.view() as view:
+        before = _used(kept, view)
+    taught = method.teach(_results(before))
+    with kb.writing() as connection:
+        view = View(connection)
+        clear_runs(connection)
+        for run in kept.values():
+            put_run(connection, run)
+        used = _used(kept, view)
+        if used != before:  # somebody withdrew a run meanwhile
+            taught = method.teach(view.results())
+        put_statistics(connection, taught, method.made_from(view.used_runs()))
+
+
+def _is_current(view: View, wanted: StatisticsEntry) -> bool:
+    found = view.statistics()
+    return found is not None and found.statistics_id == wanted.statistics_id
+
+
+def _used(runs: dict[str, RunRecord], view: View) -> list[RunRecord]:
+    withdrawn = view.withdrawals()
+    return [run for run_id, run in runs.items() if run_id not in withdrawn]
+
+
+def _results(runs: list[RunRecord]) -> pl.DataFrame:
+    if not runs:
+        return pl.DataFrame(schema=frame_schema(TASK_RESULTS))
+    return results_frame(pl.concat([run.results for run in runs]))
