@@ -6,18 +6,17 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from hrclog.cli.common import EXIT_FINE, Progress, json_option, logs_argument, print_json, tell
+from hrclog.cli.known_times import VARIABLE
 
 if TYPE_CHECKING:
     from hrclog.analyzers.knowledge import Ingested
     from hrclog.analyzers.synergy.outliers import Outliers
     from hrclog.knowledge.base import KnowledgeBase
-
-VARIABLE: Final = "HRCLOG_KB"
 
 
 def _given(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from hrclog.cli.common import json_option, print_json
+from hrclog.cli.known_times import kb_option, known_times
 from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
 from hrclog.cli.problem_file import load_problem, problem_argument
 
@@ -20,17 +21,11 @@ if TYPE_CHECKING:
     from hrclog.sim.scenario import Scenario
 
 METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighboring", "random")
-VARIABLE: Final = "HRCLOG_KB"
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
 @problem_argument
-@click.option(
-    "--kb",
-    envvar=VARIABLE,
-    metavar="KB",
-    help=f"What was learnt: kb.sqlite or postgresql://USER@HOST/DATABASE.  [default: what {VARIABLE} says]",
-)
+@kb_option
 @click.option(
     "--objective",
     type=click.Choice(["mean", "p95", "closed-form"]),
@@ -116,7 +111,7 @@ def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its opti
     _check_output(options)
     if options["count"]:
         return _draw(problem, scenario, options)
-    times = _known(problem, options)
+    times = known_times(problem, options["kb"], options["overrides"])
     if options["given"]:
         return _judge(problem, times, options)
     if options["run_log"]:
@@ -132,22 +127,6 @@ def _check_output(options: dict[str, Any]) -> None:
         raise click.UsageError("--random N writes N plans: give their folder with -o DIR")
     if out is not None and not options["count"] and out.exists():
         raise LogExistsError(out, "choose another name with -o")
-
-
-def _known(problem: Problem, options: dict[str, Any]) -> TaskTimes:
-    """Return what is known of the tasks: learnt, guessed, supposed."""
-    from hrclog.analyzers.planner.what_if import read_overrides, with_overrides
-    from hrclog.knowledge import open_knowledge
-    from hrclog.knowledge.task_times import NOTHING, with_guesses
-
-    known, guesses = NOTHING, {}
-    if options["kb"]:
-        with open_knowledge(options["kb"]) as base:
-            known = base.times()
-            guesses = {(agent, task.task): s for task in base.properties() for agent, s in task.expected_s.items()}
-    guesses |= {(agent, task.name): s for task in problem.tasks for agent, s in task.expected_s.items()}
-    known = with_guesses(known, guesses)
-    return with_overrides(known, read_overrides(options["overrides"])) if options["overrides"] else known
 
 
 def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:

@@ -11,6 +11,7 @@ import click
 from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_option, signals_option
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, json_option, print_json, printable
 from hrclog.cli.on_run_end import Following, on_run_end_option
+from hrclog.cli.replan_options import chosen_replan, replan_options
 from hrclog.sim.engine import ENGINES
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from hrclog.recorders.clock import Clock
     from hrclog.recorders.dispatch_policy import DispatchPolicy
     from hrclog.recorders.executor import Executor
+    from hrclog.run_state import Replan
     from hrclog.sim.scenario import Scenario
 
 EXIT_INTERRUPTED: Final = 130
@@ -69,6 +71,7 @@ _SIMULATED = "simulated"
     type=click.Choice(["skip", "abort"]),
     help="Go on without an item that failed for good, or end the run.  [default: the scenario's]",
 )
+@replan_options
 @click.option("--real-time", is_flag=True, help="Go by the wall clock, and record each event as it happens.")
 @click.option(
     "-o",
@@ -94,6 +97,9 @@ def command(  # noqa: PLR0913 - an argument per option
     timeout_s: float | None,
     max_attempts: int | None,
     on_failure: str | None,
+    kb: str | None,
+    replan_on: tuple[str, ...],
+    delay_s: float | None,
     real_time: bool,
     out: Path,
     knowledge: str | None,
@@ -102,6 +108,7 @@ def command(  # noqa: PLR0913 - an argument per option
     """Carry a plan out with simulated, replayed or scripted agents, and write the log.
 
     Simulated time unless --real-time is given. Exits with 3 if the run came to its end but an item did not succeed.
+    With --replan-on the plan may change on the way; the log says when and why.
 
     \b
     Example:
@@ -127,13 +134,16 @@ def command(  # noqa: PLR0913 - an argument per option
         max_attempts=max_attempts or usual.max_attempts,
         on_failure=on_failure or usual.on_failure,
         timeout_s=timeout_s,
+        replan_on=replan_on,
+        delay_s=delay_s or usual.delay_s,
     )
+    replan = chosen_replan(cell.problem, kb, replan_on)
     how = _ways(agents, cell)
     path = log_path(out)
     if path.exists():
         raise LogExistsError(path, "choose another name with -o")
     if real_time:
-        ends, outcome, reason = _live(path, plan, cell, how, policy, seed, engine)
+        events, outcome, reason = _live(path, plan, cell, how, policy, seed, engine, replan)
     else:
         run = carry_out(
             cell,
@@ -143,13 +153,14 @@ def command(  # noqa: PLR0913 - an argument per option
             policy,
             engine=engine,
             others=lambda clock: _executors(how, clock),
-            apart=(str(plan.to_json()), str(policy), *agents),
+            apart=(str(plan.to_json()), str(policy), *agents, *((kb or "",) if replan_on else ())),
             name=path.stem,
+            replan=replan,
         )
         write_log(path, run.events, run.signals)
-        ends = _last_ends(run.events)
-        outcome, reason = _verdict(run.events[-1])
-    code = _tell(path, plan, ends, outcome, reason, as_json=as_json)
+        events = run.events
+        outcome, reason = _verdict(events[-1])
+    code = _tell(path, _in_force(plan, events), _last_ends(events), outcome, reason, as_json=as_json)
     with Following(knowledge) as following:
         following.take([path])
         behind = following.catch_up(str(path))
@@ -204,7 +215,8 @@ def _live(
     policy: DispatchPolicy,
     seed: int,
     engine: str,
-) -> tuple[dict[str, TaskEnded], str, str]:
+    replan: Replan | None,
+) -> tuple[Sequence[Event], str, str]:
     from hrclog.recorders.live_run import run_live
     from hrclog.recorders.real_time import RealTimeLoop
     from hrclog.sim.engine import make_engine
@@ -229,8 +241,9 @@ def _live(
         seed=seed,
         on_event=note,
         on_start=(lambda: None) if all_others else simulated.watch,
+        replan=replan,
     )
-    return _last_ends(events), outcome, reason
+    return events, outcome, reason
 
 
 def _show(event: Event) -> None:
@@ -240,6 +253,17 @@ def _show(event: Event) -> None:
         click.echo(printable(f"{event.agent}: {event.task} ({event.item_id}) started"), err=True)
     elif isinstance(event, TaskEnded):
         click.echo(printable(f"{event.agent}: {event.task} ({event.item_id}) {event.outcome}"), err=True)
+
+
+def _in_force(plan: Plan, events: Sequence[Event]) -> Plan:
+    """Return the plan that was followed in the end."""
+    from hrclog.events import PlanChanged
+    from hrclog.plan import plan_of_value
+
+    for event in events:
+        if isinstance(event, PlanChanged):
+            plan = plan_of_value(event.plan, "plan_changed")
+    return plan
 
 
 def _last_ends(events: Sequence[Event]) -> dict[str, TaskEnded]:
