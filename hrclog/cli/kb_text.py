@@ -9,6 +9,7 @@ from hrclog.cli.common import number, table
 
 if TYPE_CHECKING:
     from hrclog.knowledge.properties import TaskProperties
+    from hrclog.knowledge.task_times import TaskTime
     from hrclog.knowledge.view import StatisticsEntry, View
 
 
@@ -71,10 +72,18 @@ def _durations(view: View) -> str:
     rows = []
     for row in view.durations().iter_rows(named=True):
         time = times.get((row["agent"], row["task"]))
-        figures = (row["mean_s"], row["std_s"], row["median_s"], time.mean_s if time else None)
+        figures = (row["mean_s"], row["std_s"], row["median_s"])
         count, failed = str(row["count"]), str(row["n_failed"])
-        rows.append((f"{row['agent']} {row['task']}", count, failed, *map(number, figures)))
+        rows.append((f"{row['agent']} {row['task']}", count, failed, *map(number, figures), _alone(time)))
     return table(("agent task", "n", "failed", "mean s", "std s", "median s", "alone s"), rows) if rows else ""
+
+
+def _alone(time: TaskTime | None) -> str:
+    """Return the expected work with its standard error."""
+    if time is None:
+        return "n/a"
+    deviation = time.mean_deviation_s
+    return number(time.mean_s) + ("" if deviation is None else f" +- {number(deviation)}")
 
 
 def _synergies(view: View) -> str:

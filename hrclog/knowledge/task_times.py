@@ -83,6 +83,15 @@ class TaskTime:
         return math.exp(self.mu + self.sigma**2 / 2)
 
     @property
+    def mean_deviation_s(self) -> float | None:
+        """Return the standard deviation of what is known of `mean_s`, in seconds; None where not known."""
+        if self.covariance is None:
+            return None
+        direction = np.array([1.0, self.sigma**2])  # of log mean work, mu + sigma^2 / 2, by mu and log sigma
+        variance = float(direction @ self.covariance[:2, :2] @ direction)
+        return self.mean_s * math.sqrt(max(variance, 0.0))
+
+    @property
     def source(self) -> str:
         """Return learnt, guess, or blend (of both)."""
         if self.guess_s is None:
