@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures import wait as wait_for
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import wait as wait_for_end
+from threading import Thread
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -13,7 +16,7 @@ R = TypeVar("R")
 
 
 def ordered_map(function: Callable[[T], R], items: Sequence[T], workers: int = 1) -> Iterator[R]:
-    """Yield the result of each item, in the order of the items.
+    """Yield the result of each item, in the order of the items; workers end with this process, even if it is killed.
 
     Args:
         function: with several workers it and the items are pickled.
@@ -24,7 +27,8 @@ def ordered_map(function: Callable[[T], R], items: Sequence[T], workers: int = 1
         yield from map(function, items)
         return
     # spawned, not forked: the parent may hold threads (polars, a web server) that do not survive a fork
-    with ProcessPoolExecutor(min(workers, len(items)), mp_context=get_context("spawn")) as pool:
+    context, count = get_context("spawn"), min(workers, len(items))
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_end_with_parent) as pool:
         futures = [pool.submit(function, item) for item in items]
         try:
             for future in futures:
@@ -34,3 +38,15 @@ def ordered_map(function: Callable[[T], R], items: Sequence[T], workers: int = 1
                 future.cancel()
             wait_for(futures)
             raise
+
+
+def _end_with_parent() -> None:
+    """Let this process, a worker, end at once when its parent has; without it, it would wait for work for ever."""
+    parent = parent_process()
+    if parent is not None:
+        Thread(target=_watch, args=(parent.sentinel,), daemon=True).start()
+
+
+def _watch(sentinel: int) -> None:
+    wait_for_end([sentinel])
+    os._exit(1)

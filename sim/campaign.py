@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
@@ -17,7 +16,6 @@ from hrclog.sim.campaign_folder import add_run, campaign_folder, manifest_of
 from hrclog.sim.engine import ENGINES, make_engine
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.observed import observed_truth
-from hrclog.sim.parent import end_with_parent
 from hrclog.sim.run import BASE_EPOCH_NS, run_name, simulate_run
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.truth import RunTruth, Truth, scenario_truth
@@ -41,13 +39,12 @@ class _Failure:
 
 @dataclass(frozen=True, slots=True)
 class _Campaign:
-    """What a worker needs to know; `owner` is the process that the campaign runs in."""
+    """What a worker needs to know."""
 
     scenario: Scenario
     seed: int
     engine: str
     out_dir: Path
-    owner: int
 
 
 def simulate_campaign(
@@ -97,7 +94,7 @@ def simulate_campaign(
         failures: list[_Failure] = []
         if found:
             on_runs([folder.log(index) for index in sorted(found)])
-        for batch in _results(_Campaign(scenario, seed, engine, out_dir, os.getpid()), left, workers, progress):
+        for batch in _results(_Campaign(scenario, seed, engine, out_dir), left, workers, progress):
             failures += [result for _, result in batch if isinstance(result, _Failure)]
             over = {index: result for index, result in batch if not isinstance(result, _Failure)}
             found |= over
@@ -137,8 +134,6 @@ def _results(
 
 
 def _write_batch(campaign: _Campaign, batch: Sequence[int]) -> list[RunTruth | _Failure]:
-    if os.getpid() != campaign.owner:
-        end_with_parent()
     return [_write_run(campaign, index) for index in batch]
 
 

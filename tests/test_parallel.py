@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -64,3 +67,27 @@ def test_who_asks_for_no_more_gets_no_more(tmp_path: Path) -> None:
     assert next(results) == 1
     results.close()  # type: ignore[attr-defined] - it is a generator
     assert len(list(tmp_path.iterdir())) < 100
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    script = (
+        "from functools import partial; from pathlib import Path; from hrclog.parallel import ordered_map\n"
+        "from parallel_work import told\n"
+        f"if __name__ == '__main__': list(ordered_map(partial(told, Path({str(tmp_path)!r})), [1, 2], 2))\n"
+    )
+    (tmp_path / "parent.py").write_text(script)
+    helpers = str(Path(__file__).parent / "helpers")
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "parent.py")], env={**os.environ, "PYTHONPATH": helpers}
+    ) as parent:
+        workers = _when(lambda: [int(path.name[4:]) for path in tmp_path.glob("pid-*")], 2)
+        parent.kill()
+    assert not _when(lambda: [pid for pid in workers if Path(f"/proc/{pid}").exists()], 0)
+
+
+def _when(found: Callable[[], list[int]], count: int) -> list[int]:
+    """Return what is found once it has so many members, or after half a minute."""
+    until = time.monotonic() + 30
+    while len(found()) != count and time.monotonic() < until:
+        time.sleep(0.05)
+    return found()

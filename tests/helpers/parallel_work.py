@@ -30,3 +30,10 @@ def noted(folder: Path, number: int) -> int:
     time.sleep(0.05)
     (folder / f"{number}").touch()
     return number
+
+
+def told(folder: Path, number: int) -> int:
+    """Leave the process's id in a folder, and take a minute."""
+    (folder / f"pid-{os.getpid()}").touch()
+    time.sleep(60)
+    return number
