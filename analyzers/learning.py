@@ -14,6 +14,7 @@ from hrclog.analyzers.durations import durations
 from hrclog.analyzers.intervals import counted
 from hrclog.analyzers.segments import AgentTask
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.evidence import by_evidence
 from hrclog.analyzers.synergy.fit import Fit, TaskModel
 from hrclog.analyzers.synergy.log_work import Floats
 from hrclog.analyzers.synergy.observations import observe
@@ -52,11 +53,13 @@ def learn(intervals: pl.DataFrame, estimator: str = "aft", outliers: Outliers = 
         estimator: one of `ESTIMATORS`.
         outliers: which executions it leaves out.
     """
-    fit = ESTIMATORS[estimator](observe(intervals), outliers)
+    observations = observe(intervals)
+    fit = ESTIMATORS[estimator](observations, outliers)
     summary = durations(intervals)
     failed = _failed(intervals)
     times = {}
-    for key, time in _times(fit, summary).items():
+    planned = by_evidence(fit, observations, outliers) if estimator == "aft" else fit
+    for key, time in _times(planned, summary).items():
         rate, failed_s = failed.get(key, (0.0, 0.0))
         times[key] = replace(time, failure_rate=rate, failed_s=failed_s)
     return Learnt(estimator, outliers, summary, fit.synergies, TaskTimes(times, gaps(intervals)))

@@ -13,12 +13,13 @@ information there, intervals Student's on the logarithm.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
+from hrclog.analyzers.segments import AgentTask
 from hrclog.analyzers.synergy.aft_likelihood import Prior, expected_information, log_posterior
 from hrclog.analyzers.synergy.exposures import Exposure, exposures
 from hrclog.analyzers.synergy.fit import Covariance, Fit, TaskModel
@@ -97,19 +98,21 @@ def aft(observations: Observations, outliers: Outliers = "none", prior: Prior | 
         prior: of factors and sigma.
     """
     prior = prior or Prior()
-    fits = [fit_task(_kept(data, outliers), prior) for data in exposures(observations) if data.finished.any()]
+    fits = [fit_task(inlying(data, outliers), prior) for data in exposures(observations) if data.finished.any()]
     means = mean_durations(observations)
     rows = [row for fit in fits for row in _rows(fit, means[fit.data.key], prior)]
-    return Fit(
-        synergy_table(observations.executions, observations.pairs, rows, "aft"),
-        {
-            fit.data.key: TaskModel(
-                dict(zip(fit.data.others, fit.log_s.tolist(), strict=True)), NormalLogWork(fit.mu, fit.sigma)
-            )
-            for fit in fits
-        },
-        tuple(Covariance(_names(fit.data), fit.covariance) for fit in fits),
-    )
+    return Fit(synergy_table(observations.executions, observations.pairs, rows, "aft"), *models_of(fits))
+
+
+def models_of(fits: Sequence[TaskFit]) -> tuple[dict[AgentTask, TaskModel], tuple[Covariance, ...]]:
+    """Return the models of fits, and their covariances."""
+    models = {
+        fit.data.key: TaskModel(
+            dict(zip(fit.data.others, fit.log_s.tolist(), strict=True)), NormalLogWork(fit.mu, fit.sigma)
+        )
+        for fit in fits
+    }
+    return models, tuple(Covariance(_names(fit.data), fit.covariance) for fit in fits)
 
 
 def fit_task(data: Exposure, prior: Prior) -> TaskFit:
@@ -157,7 +160,8 @@ def _maximum(start: Floats, data: Exposure, prior: Prior, spent: float) -> Float
     return result
 
 
-def _kept(data: Exposure, outliers: Outliers) -> Exposure:
+def inlying(data: Exposure, outliers: Outliers) -> Exposure:
+    """Return the executions without outliers in log duration; those that did not succeed stay."""
     if outliers == "none":
         return data
     kept = np.ones(len(data.finished), np.bool_)
