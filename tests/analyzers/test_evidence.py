@@ -48,6 +48,7 @@ def test_work_is_known_better_where_others_hardly_ever_idle() -> None:
     assert by_evidence < 0.8 * fixed
 
 
+@pytest.mark.slow
 def test_the_evidence_is_the_integral_over_parameters_up_to_a_constant() -> None:
     """Of two parameters, the spread known: the ratio of evidences of two widths by quadrature and by Laplace."""
     data = _data()["R", "pick"]
