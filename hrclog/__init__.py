@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from hrclog.analyzers.intervals import intervals
     from hrclog.analyzers.metrics import metrics
     from hrclog.analyzers.overlaps import overlaps
+    from hrclog.analyzers.planner.find import find_plan
+    from hrclog.analyzers.planner.replan import replanner
+    from hrclog.analyzers.planner.wish import Wish
     from hrclog.knowledge import open_knowledge
     from hrclog.log.reader import Logs, read_events, read_logs
     from hrclog.recorders.recorder import Recorder, TaskHandle
@@ -26,14 +29,17 @@ _LAZY = {
     "Logs": "hrclog.log.reader",
     "Recorder": "hrclog.recorders.recorder",
     "TaskHandle": "hrclog.recorders.recorder",
+    "Wish": "hrclog.analyzers.planner.wish",
     "analyze": "hrclog.analyzers.analysis",
     "durations": "hrclog.analyzers.durations",
+    "find_plan": "hrclog.analyzers.planner.find",
     "intervals": "hrclog.analyzers.intervals",
     "metrics": "hrclog.analyzers.metrics",
     "open_knowledge": "hrclog.knowledge",
     "overlaps": "hrclog.analyzers.overlaps",
     "read_events": "hrclog.log.reader",
     "read_logs": "hrclog.log.reader",
+    "replanner": "hrclog.analyzers.planner.replan",
 }
 
 __all__ = [
@@ -42,15 +48,18 @@ __all__ = [
     "Logs",
     "Recorder",
     "TaskHandle",
+    "Wish",
     "__version__",
     "analyze",
     "durations",
+    "find_plan",
     "intervals",
     "metrics",
     "open_knowledge",
     "overlaps",
     "read_events",
     "read_logs",
+    "replanner",
 ]
 
 

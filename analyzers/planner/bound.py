@@ -17,6 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
+from hrclog.analyzers.planner.rates import fastest
 from hrclog.analyzers.planner.space import Space
 from hrclog.analyzers.planner.worlds import Worlds
 from hrclog.knowledge.task_times import Floats
@@ -101,9 +102,19 @@ class _Programme:
             yield self._alone()
 
     def _busy(self, number: int, agent: str) -> _Row:
-        """The agent's tasks and the gaps between them fit into the makespan; the first gap does not count."""
+        """The agent's tasks and gaps fit into the makespan and what comes before the first start."""
         terms = self._load(agent, self._gap[number])
-        return _Row({0: -1.0} | terms, float(self._gap[number]), equal=False)
+        return _Row({0: -1.0} | terms, self._first_start(number), equal=False)
+
+    def _first_start(self, number: int) -> float:
+        """Return before when anything starts if the agent has work: its own gap, or that of one that surely has work.
+
+        Where agents may wait, it is its own gap: of the time from the first start on, the agent's first gap is no part.
+        """
+        space = self._space
+        waits = space.linked or space.begun or any(task.release_s or task.resources for task in space.problem.tasks)
+        busy = () if waits else {unit.agents[0] for unit in space.units if len(unit.agents) == 1}
+        return float(min(self._gap[number], *(self._gap[space.agents.index(agent)] for agent in busy), np.inf))
 
     def _load(self, agent: str, gap: float) -> dict[int, float]:
         terms: dict[int, float] = {}
@@ -118,7 +129,7 @@ class _Programme:
         agent, task = self._keys[key]
         least = float(self._work[key])
         if not self._beside:
-            least /= self._fastest(key)
+            least /= fastest(self._keys, self._rate, key)
         terms = {
             variable: self._space.units[unit].tasks.count(task) * (least + gap)
             for (unit, name), variable in self._often.items()
@@ -128,16 +139,6 @@ class _Programme:
             if key in (i, j):
                 terms[variable] = 1.0 - float(self._rate[key, j if key == i else i])
         return terms
-
-    def _fastest(self, key: int) -> float:
-        """Return the highest rate that any company gives."""
-        agent = self._keys[key][0]
-        best = 1.0
-        for other in self._space.agents:
-            if other != agent:
-                rates = [self._rate[key, j] for j, (name, _) in enumerate(self._keys) if name == other]
-                best *= max([1.0, *rates])
-        return float(best)
 
     def _company(self, key: int) -> _Row:
         """A task is beside others for no longer than it lasts."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from hrclog.analyzers.planner.bound import lower_bound_s
 from hrclog.analyzers.planner.cpsat_items import TICKS_PER_S, orders_of
@@ -22,6 +22,9 @@ from hrclog.knowledge.task_times import Floats
 
 _WARM_UP: Final = 2000
 """Plans that a local search judges before, so that the solver knows what to beat."""
+
+_LARGE: Final = 3000
+"""Variables from which on a model is searched without being probed before."""
 
 _CLOSE_S: Final = 0.01
 """What a proof may leave open because of rounding."""
@@ -87,9 +90,7 @@ def _check(space: Space, world: Worlds) -> None:
         ) from error
     due = [task.name for task in space.problem.tasks if task.due_s is not None]
     if due:
-        raise ScenarioError(
-            f"planner cpsat: task {due[0]!r} has a due time, which it cannot weigh; choose local search"
-        )
+        raise ScenarioError(f"planner cpsat: task {due[0]!r} has a due time, not supported; choose local search")
     if space.begun:
         raise ScenarioError("planner cpsat: cannot go on with a run that has begun; choose local search")
     if world.count != 1:
@@ -126,12 +127,30 @@ def _solve(model: Model, agents: int, seconds: float, seed: int) -> _Solved:
             chains = [chain for chain in model.items.chains if self.boolean_value(chain.taken)]
             found[orders_of([(chain, self.value(chain.first.given)) for chain in chains], agents)] = None
 
+    _complete_hint(model)
     solver = cp_model.CpSolver()
     solver.parameters.random_seed = seed
     solver.parameters.num_workers = 1  # with more, the answer depends on who is first
     solver.parameters.linearization_level = 2  # without the linear relaxation the bound hardly moves
+    if len(model.cp.proto.variables) > _LARGE:
+        solver.parameters.cp_model_probing_level = 0  # probing every variable would take all the time
     solver.parameters.absolute_gap_limit = _CLOSE_S / 2 * TICKS_PER_S
     solver.parameters.max_time_in_seconds = seconds
     status = solver.solve(model.cp, _Collector())
     objective = solver.objective_value if found else math.inf
     return _Solved(list(found), objective, solver.best_objective_bound, status == cp_model.OPTIMAL)
+
+
+def _complete_hint(model: Model) -> None:
+    """Propose a value for every variable: with less, a large problem is not sure to take the proposed plan up."""
+    from ortools.sat.python import cp_model
+
+    cp: Any = model.cp
+    solver = cp_model.CpSolver()
+    solver.parameters.num_workers = 1
+    solver.parameters.fix_variables_to_their_hinted_value = True
+    if solver.solve(cp) in {cp_model.OPTIMAL, cp_model.FEASIBLE}:
+        variables = [cp.get_int_var_from_proto_index(number) for number in range(len(cp.proto.variables))]
+        cp.clear_hints()
+        for variable in variables:
+            cp.add_hint(variable, solver.value(variable))

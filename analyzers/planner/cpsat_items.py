@@ -83,7 +83,8 @@ class Items:
         self.work = world.work_s[0, :, 0] * TICKS_PER_S
         self._cp, self._space = cp, space
         self._gaps = [round(float(gap) * TICKS_PER_S) for gap in world.gap_s[0, :, 0]]
-        self.horizon = most + max(self._gaps)
+        latest = max(task.release_s for task in space.problem.tasks)  # before which all may have to wait
+        self.horizon = most + max(self._gaps) + math.ceil(latest * TICKS_PER_S)
         self.chains = tuple(self._all_chains())
         self.of = [[i for c in self.chains if c.agent == a for i in c.items] for a in range(len(space.agents))]
 

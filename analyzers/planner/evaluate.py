@@ -163,7 +163,7 @@ class _Lanes:
         if self._cost_of is not None:
             for a, b in self._pairs:
                 self._cost += spent * self._cost_of[self._key[a] * (self._idle + 1) + self._key[b]]
-        self._left -= spent * rate
+        self._left = np.maximum(self._left - spent * rate, 0.0)  # rounding leaves a hair below nothing
         self._now = then
         self._finish(runs & (end <= then))
         return True

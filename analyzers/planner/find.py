@@ -90,6 +90,7 @@ def find_plan(problem: Problem, times: TaskTimes, wish: Wish | None = None, name
         ScenarioError: nothing is known of a task; no plan is possible, or none keeps the due times.
     """
     wish = wish or Wish()
+    _check_avoided(problem, wish)
     space = space_of(problem)
     found, bound_s = search(space, times, wish)
     if not found.best:
@@ -98,7 +99,7 @@ def find_plan(problem: Problem, times: TaskTimes, wish: Wish | None = None, name
     assert plan is not None  # noqa: S101 - what is impossible is not among the best
     # other draws than those it was chosen by, which flatter it
     told = forecast(problem, plan, times, seed=wish.seed + 1)
-    _check_due(problem, plan, told, exhaustive=found.exhaustive)
+    _check_due(problem, plan, told)
     changes, usual_s = _against_random(space, times, plan, wish.seed)
     return Found(
         with_expected_times(plan, told),
@@ -132,14 +133,22 @@ def _unobserved(times: TaskTimes, changes: Iterable[PairChange]) -> Iterable[tup
             yield one, other
 
 
-def _check_due(problem: Problem, plan: Plan, told: Forecast, *, exhaustive: bool) -> None:
+def _check_avoided(problem: Problem, wish: Wish) -> None:
+    known = problem.agent_tasks()
+    for agent, task in (key for pair in wish.avoid or () for key in pair):
+        if (agent, task) not in known:
+            names = ", ".join(f"{name} by {who}" for who, name in known)
+            raise ScenarioError(f"pairs to avoid: found {task!r} by {agent!r}, expected of {names}")
+
+
+def _check_due(problem: Problem, plan: Plan, told: Forecast) -> None:
     for item in plan.items:
         due = problem.task(item.task).due_s
         end = told.items[item.item_id][1]
         if due is not None and end > due + _LATE_S:
-            which = "no plan keeps it, the best" if exhaustive else "no plan was found that keeps it, the best"
             raise ScenarioError(
-                f"task {item.task!r}: due_s is {due:g}, and {which} ends it at {end:.1f} s; allow more time or ask less"
+                f"task {item.task!r}: due_s is {due:g}, and the best plan that was found ends it at {end:.1f} s,"
+                f" {end - due:.1f} s late; allow more time or ask less"
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from hrclog.analyzers.planner.encoded import encode_plans
 from hrclog.analyzers.planner.evaluate import Begun, evaluate
-from hrclog.analyzers.planner.worlds import drawn_worlds, expected_world
+from hrclog.analyzers.planner.worlds import drawn_worlds, expected_work_s, expected_world
 from hrclog.dispatch_mode import DispatchMode
 from hrclog.errors import ScenarioError
 from hrclog.knowledge.task_times import Floats, TaskTimes
@@ -123,14 +124,15 @@ def _expected(begun: Begun | None) -> Begun | None:
 
 
 def _without_noise(times: TaskTimes) -> TaskTimes:
-    """Return times whose executions do not vary, with the same expected work."""
+    """Return times whose executions do not vary and do not fail, with the same expected work."""
     calm = {}
     for key, time in times.times.items():
         covariance = None
         if time.covariance is not None:
             covariance = time.covariance.copy()
             covariance[1] = covariance[:, 1] = 0.0
-        calm[key] = replace(time, mu=time.mu + time.sigma**2 / 2, sigma=0.0, covariance=covariance)
+        mu = math.log(expected_work_s(time, times))
+        calm[key] = replace(time, mu=mu, sigma=0.0, covariance=covariance, failure_rate=0.0)
     gaps = {agent: replace(gap, std_s=0.0) for agent, gap in times.gaps.items()}
     return TaskTimes(calm, gaps)
 

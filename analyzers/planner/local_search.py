@@ -1,15 +1,18 @@
 """Improve plans step by step: iterated local search over swaps, relocations and reassignments of units of work.
 
-From a plan, a batch of neighbours is drawn and judged at once; the best replaces the plan if it is better. When batches
-have brought nothing for long enough, the search goes on from the best plan with some units moved at random (Lourenço,
-Martin and Stützle, Iterated Local Search, 2003).
+From a plan, a batch of neighbours is drawn and judged at once; the best replaces the plan if it is no worse than the
+plan was, or than the one of some steps before: many plans tie, and others must get worse before they get better (Burke
+and Bykov, The late acceptance hill-climbing heuristic, 2017). When that has brought no new best plan for long enough,
+the search goes on from the best with some units moved at random (Lourenço, Martin and Stützle, Iterated Local Search,
+2003).
 """
 
 from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,15 +23,24 @@ from hrclog.analyzers.planner.outcome import Ranked, Search
 from hrclog.analyzers.planner.space import Candidate, Space
 from hrclog.random_plans import pick, random_rest
 
-_BATCH: Final = 256
-_PATIENCE: Final = 3
-"""Batches without a better plan before the search moves elsewhere, per hundred neighbours that there are."""
+_BATCH: Final = 96
+_MEMORY: Final = 20
+"""How many steps before a plan may have been as bad as the next one."""
+
+_PATIENCE: Final = 12
+"""Neighbours judged without a new best plan before the search moves elsewhere, per neighbour that there is."""
 
 _ATTEMPTS: Final = 100
 """Random orders to begin with that may come to a standstill."""
 
+_REMEMBERED: Final = 100_000
+"""Scores that are kept in mind."""
+
 _KICKS: Final = (2, 3, 4, 6)
 """How many units are moved at random then, in turn."""
+
+_ENOUGH: Final = 60
+"""After so many moves elsewhere without a new best plan the search ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +50,7 @@ class Effort:
     Only the first gives the same plan on every machine.
     """
 
-    plans: int = 60_000
+    plans: int = 30_000
     seconds: float = float("inf")
 
 
@@ -56,48 +68,72 @@ def local_search(
     """
     source = random.Random(f"search:{seed}")  # noqa: S311 - reproducible search, no cryptography
     deadline = time.monotonic() + effort.seconds
-    elite = _Elite(keep)
-    first = list(dict.fromkeys([*starts, *_random_starts(judge.space, source)]))
-    judged = elite.add(first, judge.scores(first).tolist())
+    elite = _Elite(judge, keep)
+    elite.scores(list(dict.fromkeys([*starts, *_random_starts(judge.space, source)])))
     if not elite.best:
-        return Search((), judged, exhaustive=False, stopped="no plan is possible among those tried")
+        return Search((), elite.judged, exhaustive=False, stopped="no plan is possible among those tried")
     moves = _moves(judge.space)
-    patience = max(_PATIENCE * _neighbours(judge.space) // _BATCH, 4)
-    current, kicks = elite.best[0], 0
-    misses = 0
-    while moves and judged < effort.plans:
+    patience = max(_PATIENCE * _neighbours(judge.space) // _BATCH, 8)
+    walk = _Walk(elite.best[0])
+    top, misses, kicks = elite.best[0], 0, 0
+    while elite.judged < effort.plans:
         if time.monotonic() > deadline:
-            return Search(tuple(elite.best), judged, exhaustive=False, stopped=f"after {effort.seconds:g} s")
-        batch = _neighbourhood(current.candidate, moves, source)
-        scores = judge.scores(batch).tolist()
-        judged += elite.add(batch, scores)
-        best = min(map(Ranked, scores, batch), default=current)
-        if best.score < current.score:
-            current, misses = best, 0
-            continue
+            return elite.search(f"after {effort.seconds:g} s")
+        if not moves or kicks > _ENOUGH:
+            return elite.search(f"nothing better in {elite.judged:,} plans")
+        batch = _neighbourhood(walk.at.candidate, moves, source)
+        walk.step(min(map(Ranked, elite.scores(batch), batch), default=walk.at))
         misses += 1
-        if misses > patience:
-            kicked = _kicked(elite.best[0].candidate, moves, _KICKS[kicks % len(_KICKS)], source)
-            score = judge.scores([kicked]).tolist()
-            judged += elite.add([kicked], score)
-            current, misses, kicks = Ranked(score[0], kicked), 0, kicks + 1
-    return Search(tuple(elite.best), judged, exhaustive=False, stopped=f"after {judged:,} plans")
+        if elite.best[0].score < top.score:
+            top, misses, kicks = elite.best[0], 0, 0
+        elif misses > patience:
+            kicked = _kicked(top.candidate, moves, _KICKS[kicks % len(_KICKS)], source)
+            walk, misses, kicks = _Walk(Ranked(elite.scores([kicked])[0], kicked)), 0, kicks + 1
+    return elite.search(f"after {elite.judged:,} plans")
+
+
+class _Walk:
+    """Goes from plan to plan, also to worse ones, as long as they are no worse than that of `_MEMORY` steps before."""
+
+    def __init__(self, start: Ranked) -> None:
+        self.at = start
+        self._before = deque([start.score], _MEMORY)
+
+    def step(self, best: Ranked) -> None:
+        """Go to the best neighbour, or stay."""
+        if best.score <= max(self.at.score, self._before[0]):
+            self.at = best
+        self._before.append(min(self.at.score, self._before[0]))
 
 
 class _Elite:
-    """The best candidates so far."""
+    """The best candidates so far, and the scores of all that were judged: none is judged twice."""
 
-    def __init__(self, keep: int) -> None:
+    def __init__(self, judge: Judge, keep: int) -> None:
         self.best: list[Ranked] = []
-        self._keep = keep
+        self.judged = 0
+        self._judge, self._keep = judge, keep
+        self._known: dict[Candidate, float] = {}
 
-    def add(self, candidates: Sequence[Candidate], scores: Sequence[float]) -> int:
-        """Take in candidates, and return how many there were."""
+    def scores(self, candidates: Sequence[Candidate]) -> list[float]:
+        """Return the score of each candidate."""
+        new = [candidate for candidate in candidates if candidate not in self._known]
+        found = dict(zip(new, self._judge.scores(new).tolist(), strict=True))
+        self.judged += len(new)
+        self._take_in(found)
+        scores = [found[one] if one in found else self._known[one] for one in candidates]
+        self._known |= found if len(self._known) < _REMEMBERED else {}
+        return scores
+
+    def _take_in(self, found: Mapping[Candidate, float]) -> None:
         worst = self.best[-1].score if len(self.best) >= self._keep else np.inf
-        better = [Ranked(s, c) for s, c in zip(scores, candidates, strict=True) if s < worst]
+        better = [Ranked(score, candidate) for candidate, score in found.items() if score < worst]
         if better:
             self.best = sorted({*self.best, *better})[: self._keep]
-        return len(candidates)
+
+    def search(self, stopped: str) -> Search:
+        """Return what was found."""
+        return Search(tuple(self.best), self.judged, exhaustive=False, stopped=stopped)
 
 
 Move = Callable[[list[list[int]], random.Random], bool]

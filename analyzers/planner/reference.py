@@ -22,10 +22,10 @@ from hrclog.random_plans import pick, random_plans
 
 Pairs = Iterable[tuple[AgentTask, AgentTask]]
 
-_TIE: Final = 1e-9  # of a score; what rounding makes of equal ones
+_TIE: Final = 1e-11  # of a score; what rounding makes of equal ones
 _TIES_KEPT: Final = 256  # of a local search
 _HARM: Final = 1.645  # deviations that a log factor must be above 0: one in twenty by chance
-_FORBIDDEN: Final = 1e3  # what a second side by side of tasks that must be apart counts beside one of makespan
+_FORBIDDEN: Final = 1e5  # what a second side by side of tasks that must be apart counts beside one of makespan
 
 
 def random_plan(space: Space, seed: int) -> Search:

@@ -1,13 +1,13 @@
 """Plan the rest of a run that goes on: after a failure, or when it is late.
 
 What is over or under way stays as it is; an agent that has begun a chain of tasks goes on with it; all else, work that
-failed too, is planned anew.
+failed too, is planned anew. A chain that an agent has left for other work is begun again from its first task.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -17,6 +17,7 @@ from hrclog.analyzers.planner.evaluate import Begun
 from hrclog.analyzers.planner.exhaustive import judge_all
 from hrclog.analyzers.planner.forecast import Forecast, forecast, with_expected_times
 from hrclog.analyzers.planner.judge import Judge, Objective, possible_plan
+from hrclog.analyzers.planner.kept_items import with_ids
 from hrclog.analyzers.planner.local_search import Effort, local_search
 from hrclog.analyzers.planner.outcome import Ranked
 from hrclog.analyzers.planner.space import Candidate, Space, space_of
@@ -35,6 +36,7 @@ _WORLDS: Final = 32
 _MOST_ENUMERATED: Final = 400
 _EFFORT: Final = Effort(plans=600)
 _WORLDS_TOLD: Final = 100
+_LEAST_SIGMA: Final = 1e-9  # of log work that does not vary
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +85,10 @@ def plan_rest(
         seed: of the draws.
 
     Raises:
-        ScenarioError: nothing is known of a task, or no plan for the rest is possible.
+        ScenarioError: nothing is known of a task, no plan for the rest is possible, or the objective is of whole plans.
     """
+    if objective is Objective.CLOSED_FORM:
+        raise ScenarioError("objective closed-form: it judges whole plans, not the rest of a run; choose mean or p95")
     rest = rest_of(problem, times, state, seed)
     worlds = _worlds(rest.space, times, _WORLDS, seed)
     judge = Judge(rest.space, worlds, objective, rest.begun)
@@ -99,7 +103,7 @@ def plan_rest(
         return None
     plan = possible_plan(rest.space, best.candidate, state.plan.name)
     assert plan is not None  # noqa: S101 - what is impossible is not among the best
-    renamed = _with_ids(plan, rest, state)
+    renamed = with_ids(plan, rest.fixed, state)
     begun = replace(rest.begun, left_s=_left(problem, times, state, rest.fixed, _WORLDS_TOLD, seed))
     told = forecast(problem, renamed, times, worlds=_WORLDS_TOLD, seed=seed, begun=begun)
     return _timed(renamed, told, state), told
@@ -107,7 +111,7 @@ def plan_rest(
 
 def rest_of(problem: Problem, times: TaskTimes, state: RunState, seed: int = 0) -> Rest:
     """Return what is left of a run."""
-    fixed = {agent: tuple(_fixed(agent, state)) for agent in problem.agents}
+    fixed = {agent: tuple(_unbroken(problem, _fixed(agent, state))) for agent in problem.agents}
     whole = space_of(problem)
     begun = {agent: (*(item.task for item in items), *_chain(problem, items)) for agent, items in fixed.items()}
     counts = _left_counts(whole, begun)
@@ -127,9 +131,27 @@ def _fixed(agent: str, state: RunState) -> Iterator[PlanItem]:
         yield from (item for item in queue if item.item_id == state.running[agent].item_id)
 
 
+def _unbroken(problem: Problem, items: Iterable[PlanItem]) -> Iterator[PlanItem]:
+    """Yield the items but for those of chains that the agent left before their end; the last may still be going on."""
+    follower = _followers(problem)
+    chain: list[PlanItem] = []
+    for item in items:
+        if chain and item.task != follower[chain[-1].task]:
+            chain = []
+        chain.append(item)
+        if item.task not in follower:
+            yield from chain
+            chain = []
+    yield from chain
+
+
+def _followers(problem: Problem) -> dict[str, str]:
+    return {p.before: p.after for p in problem.precedences if p.kind is PrecedenceKind.NEXT}
+
+
 def _chain(problem: Problem, items: tuple[PlanItem, ...]) -> Iterator[str]:
     """Yield the tasks that must directly follow the last of an agent's items."""
-    follower = {p.before: p.after for p in problem.precedences if p.kind is PrecedenceKind.NEXT}
+    follower = _followers(problem)
     task = items[-1].task if items else ""
     while task in follower:
         task = follower[task]
@@ -175,9 +197,10 @@ def _left(
             raise ScenarioError(f"how long does it take: {task} by {agent}? No run shows it, and no guess is declared")
         time = times.times[agent, task]
         done = max(_work_done(times, (agent, task), since_s, running), 1e-9)
-        beyond = float(ndtr((np.log(done) - time.mu) / time.sigma))
+        sigma = max(time.sigma, _LEAST_SIGMA)
+        beyond = float(ndtr((np.log(done) - time.mu) / sigma))
         levels = beyond + (1 - beyond) * np.random.default_rng([seed, number]).random(count)
-        work = np.exp(time.mu + time.sigma * ndtri(levels.clip(0.0, 1 - 1e-12)))
+        work = np.exp(time.mu + sigma * ndtri(levels.clip(0.0, 1 - 1e-12)))
         left[agent] = (work - done).clip(0.01)
     return left
 
@@ -218,50 +241,6 @@ def _present(rest: Rest, state: RunState) -> Candidate | None:
 
 def _is_better(best: Ranked, present: float) -> bool:
     return best.score < present - LEAST_GAIN_S
-
-
-def _with_ids(plan: Plan, rest: Rest, state: RunState) -> Plan:
-    """Keep the ids of what is over or under way, and of what has not begun; give new ones to what is done again."""
-    free = {agent: [i for i in state.plan.queue(agent) if i.item_id not in state.outcomes
-                    and i not in rest.fixed[agent]] for agent in rest.space.agents}  # fmt: skip
-    used = {item.item_id for item in state.plan.items} | set(state.outcomes)
-    names: dict[str, str] = {}
-    kept: dict[str, PlanItem] = {}
-    for agent in plan.agents():
-        for place, item in enumerate(plan.queue(agent)):
-            known = _known(agent, place, item, rest, free)
-            names[item.item_id] = known.item_id if known else _new_id(agent, used)
-            if known:
-                kept[names[item.item_id]] = known
-    items = tuple(
-        replace(
-            item,
-            item_id=names[item.item_id],
-            after=tuple(names[other] for other in item.after),
-            timeout_s=kept[names[item.item_id]].timeout_s if names[item.item_id] in kept else None,
-        )
-        for item in plan.items
-    )
-    return replace(plan, items=items)
-
-
-def _known(agent: str, place: int, item: PlanItem, rest: Rest, free: Mapping[str, list[PlanItem]]) -> PlanItem | None:
-    """Return the item of the present plan that an item of the new one is, if it is one."""
-    if place < len(rest.fixed[agent]):
-        return rest.fixed[agent][place]
-    for known in free[agent]:
-        if known.task == item.task:
-            free[agent].remove(known)
-            return known
-    return None
-
-
-def _new_id(agent: str, used: set[str]) -> str:
-    number = len(used) + 1
-    while f"{agent}-{number:02d}" in used:
-        number += 1
-    used.add(f"{agent}-{number:02d}")
-    return f"{agent}-{number:02d}"
 
 
 def _timed(plan: Plan, told: Forecast, state: RunState) -> Plan:

@@ -59,12 +59,13 @@ def search(space: Space, times: TaskTimes, wish: Wish) -> tuple[Search, float]:
         case Method.CPSAT:
             from hrclog.analyzers.planner.cpsat import cpsat
 
-            found = cpsat(space, expected, min(wish.effort.seconds, _CPSAT_SECONDS), wish.seed)
-            return found.search, max(bound, found.bound_s)
+            believed = _believed(expected, space, times, wish)
+            found = cpsat(space, believed, min(wish.effort.seconds, _CPSAT_SECONDS), wish.seed)
+            return found.search, bound if wish.explore else max(bound, found.bound_s)
         case Method.LOCAL:
-            near = local_search(
-                Judge(space, expected, _near(wish.objective), times=times), wish.effort, wish.seed, keep=_KEPT
-            )
+            believed = _believed(expected, space, times, wish)
+            guide = Judge(space, believed, _near(wish.objective), times=times)
+            near = local_search(guide, wish.effort, wish.seed, keep=_KEPT)
             return _judged_again(near, Judge(space, _worlds(space, times, wish), wish.objective, times=times)), bound
         case _:
             return judge_all(Judge(space, _worlds(space, times, wish), wish.objective, times=times)), bound
@@ -73,6 +74,11 @@ def search(space: Space, times: TaskTimes, wish: Wish) -> tuple[Search, float]:
 def _near(objective: Objective) -> Objective:
     """Return what is small in the expected world where an objective is small; there are no quantiles in one world."""
     return objective if objective is Objective.CLOSED_FORM else Objective.MEAN
+
+
+def _believed(expected: Worlds, space: Space, times: TaskTimes, wish: Wish) -> Worlds:
+    """Return the one world that a search is guided by: the expected one, in exploration with the factors drawn."""
+    return replace(expected, rate=_worlds(space, times, wish).rate[:1]) if wish.explore else expected
 
 
 def _worlds(space: Space, times: TaskTimes, wish: Wish) -> Worlds:

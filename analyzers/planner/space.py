@@ -57,11 +57,21 @@ class Space:
         }
 
     def candidate(self, orders: Queues) -> Candidate:
-        """Return the candidate whose tasks are in these orders; tasks in no unit are left out."""
+        """Return the candidate whose tasks are in these orders; tasks in no unit are left out.
+
+        Where an agent's own work and work for anybody begin with the same task, its own is taken to be done first.
+        """
+        left = list(self.counts)
+        by_freedom = sorted(range(len(self.units)), key=lambda number: len(self.units[number].agents))
         rows = []
         for agent in self.agents:
-            heads = {unit.tasks[0]: number for number, unit in enumerate(self.units) if agent in unit.agents}
-            rows.append(tuple(heads[task] for task in orders.get(agent, ()) if task in heads))
+            row = []
+            for task in orders.get(agent, ()):
+                fitting = [n for n in by_freedom if self.units[n].tasks[0] == task and agent in self.units[n].agents]
+                if fitting:
+                    row.append(next((number for number in fitting if left[number]), fitting[-1]))
+                    left[row[-1]] -= 1
+            rows.append(tuple(row))
         return tuple(rows)
 
     def longest(self) -> int:

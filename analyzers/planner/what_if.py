@@ -17,7 +17,7 @@ from hrclog.knowledge.task_times import AgentTask, Factor, TaskTime, TaskTimes
 Overrides = Mapping[tuple[AgentTask, AgentTask], float]
 """Factor on the duration of the first (agent, task), over undisturbed work, while the second runs."""
 
-_FIELDS: Final = ("agent", "task", "other_agent", "other_task", "synergy")
+_PAIR: Final = ("agent", "task", "other_agent", "other_task")
 
 
 def read_overrides(path: Path) -> dict[tuple[AgentTask, AgentTask], float]:
@@ -28,12 +28,29 @@ def read_overrides(path: Path) -> dict[tuple[AgentTask, AgentTask], float]:
     """
     record = JsonRecord(read_json(path, "synergies"), str(path), ("synergies",))
     found: dict[tuple[AgentTask, AgentTask], float] = {}
-    for entry in record.records("synergies", _FIELDS):
-        key, other = (entry.text("agent"), entry.text("task")), (entry.text("other_agent"), entry.text("other_task"))
+    for entry in record.records("synergies", (*_PAIR, "synergy")):
+        key, other = _pair(entry)
         if (key, other) in found:
             raise ScenarioError(f"{entry.where}: {key[1]} by {key[0]} beside {other[1]} is given twice; remove one")
         found[key, other] = entry.positive("synergy")
     return found
+
+
+def read_pairs(path: Path) -> tuple[tuple[AgentTask, AgentTask], ...]:
+    """Return the pairs of a JSON file: {"pairs": [{agent, task, other_agent, other_task}, ...]}.
+
+    Raises:
+        ScenarioError: the file cannot be read, or a field is missing or wrong.
+    """
+    record = JsonRecord(read_json(path, "pairs of tasks"), str(path), ("pairs",))
+    return tuple(_pair(entry) for entry in record.records("pairs", _PAIR))
+
+
+def _pair(entry: JsonRecord) -> tuple[AgentTask, AgentTask]:
+    key, other = (entry.text("agent"), entry.text("task")), (entry.text("other_agent"), entry.text("other_task"))
+    if key[0] == other[0]:
+        raise ScenarioError(f"{entry.where}: {key[0]!r} does one task at a time; name two agents")
+    return key, other
 
 
 def with_overrides(times: TaskTimes, overrides: Overrides) -> TaskTimes:

@@ -52,7 +52,7 @@ def expected_world(
         ScenarioError: nothing is known of a key.
     """
     known = _known(times, keys)
-    work = np.array([time.mean_s + _expected_failures(time) * _tried_s(time, times) for time in known])
+    work = np.array([expected_work_s(time, times) for time in known])
     log_s = _log_factors(known, keys, [np.array([f.log_s for f in time.factors])[None] for time in known], 1)
     return Worlds(
         np.broadcast_to(work[None, :, None], (1, len(keys), size)),
@@ -104,14 +104,15 @@ def _known(times: TaskTimes, keys: Sequence[AgentTask]) -> list[TaskTime]:
         more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
         raise ScenarioError(
             f"how long does it take: {told}{more}? No run shows it, and no guess is declared; add expected_s to the"
-            " task, or learn from runs with it: hrclog kb ingest"
+            " task, or learn from runs with it: hrclog kb update"
         )
     return [times.times[key] for key in keys]
 
 
-def _expected_failures(time: TaskTime) -> float:
-    """Return how many attempts fail before one succeeds, on average."""
-    return time.failure_rate / (1.0 - time.failure_rate)
+def expected_work_s(time: TaskTime, times: TaskTimes) -> float:
+    """Return the expected work of an item, with the attempts that fail before one succeeds."""
+    failures = time.failure_rate / (1.0 - time.failure_rate)
+    return time.mean_s + failures * _tried_s(time, times)
 
 
 def _failures(time: TaskTime, normal: Floats) -> Floats:

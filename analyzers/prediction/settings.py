@@ -17,10 +17,10 @@ from typing import Any, Final, Literal
 import numpy as np
 import polars as pl
 
+from hrclog.analyzers.learning import gaps
 from hrclog.analyzers.prediction.conformal import conformal
 from hrclog.analyzers.prediction.folds import folds
 from hrclog.analyzers.prediction.held_out import FORECASTS, MAKESPANS, HeldOut
-from hrclog.analyzers.prediction.makespan import mean_gaps_s
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.prediction.residuals import Learning, Observed, Session
 from hrclog.analyzers.segments import AgentTask
@@ -101,7 +101,7 @@ def cross_validate(
     parts = folds(runs, count, seed)
     rows, calibrated = _Rows([], []), "aft" in estimators
     for part in parts:
-        gaps_s = mean_gaps_s(intervals.filter(~pl.col("run_id").is_in(part)))
+        gaps_s = _mean_gaps_s(intervals.filter(~pl.col("run_id").is_in(part)))
         train = observations.without(part)
         for name in estimators:
             fitted = models(train, name, outliers)
@@ -142,7 +142,7 @@ def predict_static(
             " logarithm of durations, so 0.1 is about 10 %"
         )
     _check_apart(train, test)
-    observations, held_out, gaps_s = observe(train), HeldOut(test), mean_gaps_s(train)
+    observations, held_out, gaps_s = observe(train), HeldOut(test), _mean_gaps_s(train)
     rows = _Rows([], [])
     for name in estimators:
         fitted = {
@@ -180,8 +180,8 @@ def predict_prequential(
         HrclogError: a run is on both sides, or a side has none.
     """
     _check_apart(train, test)
-    observations, held_out, gaps_s = observe(train), HeldOut(test, cells_of), mean_gaps_s(train)
-    gaps_of = {str(run): mean_gaps_s(part) for (run,), part in test.group_by("run_id")}
+    observations, held_out, gaps_s = observe(train), HeldOut(test, cells_of), _mean_gaps_s(train)
+    gaps_of = {str(run): _mean_gaps_s(part) for (run,), part in test.group_by("run_id")}
     rows = _Rows([], [])
     for name in estimators:
         fitted = models(observations, name, outliers)
@@ -230,7 +230,7 @@ def _predict_in_order(
     gaps_s: Mapping[str, float],
     gaps_of: Mapping[str, Mapping[str, float]],
 ) -> None:
-    gaps = dict(gaps_s)
+    means_s = dict(gaps_s)
 
     def model_of(key: AgentTask, cell: str) -> TaskModel | None:
         model = fitted.get(key)
@@ -238,10 +238,10 @@ def _predict_in_order(
 
     for run in held_out.runs:
         rows.executions += held_out.forecasts(name, run, model_of)
-        rows.makespans += held_out.makespan(name, run, model_of, gaps)
+        rows.makespans += held_out.makespan(name, run, model_of, means_s)
         session.learn(_observed(held_out, run, fitted))
-        for agent, gap in gaps_of[run].items():
-            gaps[agent] = _GAPS_KEPT * gaps.get(agent, gap) + (1 - _GAPS_KEPT) * gap
+        for agent, gap_s in gaps_of[run].items():
+            means_s[agent] = _GAPS_KEPT * means_s.get(agent, gap_s) + (1 - _GAPS_KEPT) * gap_s
 
 
 def _observed(held_out: HeldOut, run: str, fitted: Mapping[AgentTask, TaskModel]) -> Iterator[Observed]:
@@ -250,6 +250,10 @@ def _observed(held_out: HeldOut, run: str, fitted: Mapping[AgentTask, TaskModel]
         if model:
             work = held_out.timelines.along(row, model.log_factors).work_after(duration_s)
             yield Observed((agent, task), cell, float(np.log(work)))
+
+
+def _mean_gaps_s(intervals: pl.DataFrame) -> dict[str, float]:
+    return {agent: gap.mean_s for agent, gap in gaps(intervals).items()}
 
 
 def _predictions(

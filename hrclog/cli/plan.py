@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from hrclog.cli.common import json_option, print_json
+from hrclog.cli.common import json_option, print_json, tell
 from hrclog.cli.known_times import kb_option, known_times
 from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
 from hrclog.cli.problem_file import load_problem, problem_argument
@@ -45,7 +45,7 @@ METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighb
 @click.option(
     "--effort",
     type=click.IntRange(min=100),
-    default=60_000,
+    default=30_000,
     show_default=True,
     metavar="N",
     help="Plans that local search may judge.",
@@ -67,7 +67,7 @@ METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighb
     "--avoid",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Pairs that not-neighboring keeps apart.  [default: those that were learnt to hinder each other]",
+    help="Pairs of tasks that not-neighboring keeps apart.  [default: those learnt to hinder each other]",
 )
 @click.option("--explore", is_flag=True, help="Try pairs of which little is known, now and then (by --seed).")
 @click.option(
@@ -103,10 +103,11 @@ def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its opti
     \b
     Example:
       hrclog sim --scenario paper --runs 20 -o runs
-      hrclog kb ingest runs --kb kb.sqlite
+      hrclog kb update runs --kb kb.sqlite
       hrclog plan paper --kb kb.sqlite --show -o plan.json
       hrclog plan paper --random 10 --seed 1 -o plans
     """  # noqa: D301 - click's \b keeps the line breaks
+    _check_options(options)
     problem, scenario = load_problem(options["problem_name"])
     _check_output(options)
     if options["count"]:
@@ -117,6 +118,15 @@ def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its opti
     if options["run_log"]:
         return _go_on(problem, times, options)
     return _find(problem, times, options)
+
+
+def _check_options(options: dict[str, Any]) -> None:
+    jobs = {"--random": options["count"], "--judge": options["given"], "--from": options["run_log"]}
+    given = [name for name, value in jobs.items() if value]
+    if len(given) > 1:
+        raise click.UsageError(f"{' and '.join(given)} ask for different things: give one of them")
+    if options["avoid"] and options["method"] != "not-neighboring":
+        raise click.UsageError("--avoid FILE goes with --method not-neighboring")
 
 
 def _check_output(options: dict[str, Any]) -> None:
@@ -133,7 +143,7 @@ def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     from hrclog.analyzers.planner.find import find_plan
     from hrclog.analyzers.planner.judge import Objective
     from hrclog.analyzers.planner.local_search import Effort
-    from hrclog.analyzers.planner.what_if import read_overrides
+    from hrclog.analyzers.planner.what_if import read_pairs
     from hrclog.analyzers.planner.wish import Method, Wish
 
     out: Path | None = options["out"]
@@ -142,7 +152,7 @@ def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         Method(options["method"]),
         options["seed"],
         Effort(options["effort"], options["seconds"] or float("inf")),
-        tuple(read_overrides(options["avoid"])) if options["avoid"] else None,
+        read_pairs(options["avoid"]) if options["avoid"] else None,
         options["explore"],
     )
     found = find_plan(problem, times, wish, out.stem if out else "plan")
@@ -180,7 +190,8 @@ def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     from hrclog.analyzers.planner.replan import plan_rest
     from hrclog.run_state import run_state
 
-    state = run_state(_events(options["run_log"]))
+    events, code = _events(options["run_log"])
+    state = run_state(events)
     found = plan_rest(problem, times, state, Objective(options["objective"]), options["seed"])
     n_over = sum(outcome == "succeeded" for outcome in state.outcomes.values())
     where = f"{options['run_log']}: {n_over} items done, {len(state.running)} under way at {state.now_s:.1f} s"
@@ -190,20 +201,20 @@ def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         else:
             click.echo(f"{where}; the plan that is followed is as good as any that was found")
         _write(options["out"], state.plan)
-        return 0
+        return code
     plan, told = found
     _write(options["out"], plan)
     if options["as_json"]:
         print_json({"now_s": state.now_s, "changed": True, "forecast": told.to_json(), "plan": plan.to_json()})
-        return 0
+        return code
     click.echo(f"{where}\n{plan.name}: its end after {forecast_line(told)}")
     if options["show"]:
         click.echo("\n" + timeline_text(plan, _ends(told)))
-    return 0
+    return code
 
 
-def _events(path: Path) -> list[Event]:
-    """Return the events of a log that holds one run.
+def _events(path: Path) -> tuple[list[Event], int]:
+    """Return the events of a log that holds one run, and the exit code that its defects ask for.
 
     Raises:
         HrclogError: it cannot be read, or holds none or several.
@@ -212,11 +223,12 @@ def _events(path: Path) -> list[Event]:
     from hrclog.event_rows import from_row
     from hrclog.log.reader import read_log
 
-    frame = read_log(path).events
-    runs = frame["run_id"].unique().drop_nulls().sort().to_list()
-    if len(runs) != 1:
-        raise ScenarioError(f"{path}: found {len(runs)} runs, expected the log of one")
-    return [from_row(row) for row in frame.sort("time_ns", "seq").iter_rows(named=True)]
+    logs = read_log(path)
+    code = tell(logs.diagnostics)
+    n_runs = logs.events["run_id"].drop_nulls().n_unique()
+    if n_runs != 1:
+        raise ScenarioError(f"{path}: found {n_runs} runs, expected the log of one; hrclog info lists them")
+    return [from_row(row) for row in logs.events.sort("time_ns", "seq").iter_rows(named=True)], code
 
 
 def _ends(told: Forecast) -> dict[str, tuple[float, float]]:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 _WIDTH: Final = 96
 _PAIRS: Final = 5
+_BY_MEAN_DURATIONS: Final = ("baseline", "not-neighboring")
+"""Methods that do not look for the least expected makespan."""
 
 
 def found_text(found: Found) -> str:
@@ -25,10 +27,20 @@ def _headline(found: Found) -> Iterator[str]:
     told = found.forecast
     yield f"{found.plan.name}: {forecast_line(told)}"
     less = 1 - told.mean_s / found.usual_s
-    beside = f"{less:.1%} less than" if less >= 0 else f"{-less:.1%} more than"
+    beside = f"{_percent(less)} less than" if less >= 0 else f"{_percent(-less)} more than"
     yield f"  {beside} the {found.usual_s:.1f} s of a random plan; {_how(found)}"
-    bound = f"{found.bound_s:.1f} s ({found.gap:.1%} below it)" if found.bound_s else "none is known"
-    yield f"  undisturbed it takes {told.undisturbed_s:.1f} s; no plan takes less than {bound}"
+    yield f"  undisturbed it takes {told.undisturbed_s:.1f} s; {_bound(found)}"
+
+
+def _bound(found: Found) -> str:
+    if not found.bound_s:
+        return "of what other plans take at least, nothing is known"
+    below = max(1 - found.bound_s / found.forecast.undisturbed_s, 0.0)
+    return f"no plan takes less than {found.bound_s:.1f} s ({_percent(below)} below it)"
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.1f} %"
 
 
 def forecast_line(told: Forecast) -> str:
@@ -40,6 +52,9 @@ def forecast_line(told: Forecast) -> str:
 
 
 def _how(found: Found) -> str:
+    if found.wish.method in _BY_MEAN_DURATIONS:
+        ties = len(found.search.best)
+        return f"method {found.wish.method}, one of {ties:,} equally good by it, {found.search.judged:,} plans judged"
     if found.search.exhaustive:
         return f"method {found.wish.method}, the best of all {found.search.judged:,} plans"
     stopped = f", stopped {found.search.stopped}" if found.search.stopped else ""

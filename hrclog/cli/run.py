@@ -112,7 +112,7 @@ def command(  # noqa: PLR0913 - an argument per option
 
     \b
     Example:
-      hrclog plan --scenario paper --random 1 -o plans
+      hrclog plan paper --random 1 -o plans
       hrclog run plans/plan-001.json --mode synchronous -o run.mcap
     """  # noqa: D301 - click's \b keeps the line breaks
     from dataclasses import replace

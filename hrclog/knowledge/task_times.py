@@ -218,6 +218,6 @@ def _time(entry: JsonRecord) -> TaskTime:
         covariance=None if covariance is None else np.array(covariance, np.float64),
         observed_s=entry.positive("observed_s") if "observed_s" in entry else None,
         guess_s=entry.positive("guess_s") if "guess_s" in entry else None,
-        failure_rate=entry.number("failure_rate", 0.0, most=1.0),
+        failure_rate=entry.number("failure_rate", 0.0, most=math.nextafter(1.0, 0.0)),
         failed_s=entry.number("failed_s", 0.0),
     )

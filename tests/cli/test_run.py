@@ -53,21 +53,21 @@ def logged(path: Path) -> list[Event]:
 
 
 def test_plans_are_drawn_into_files_that_can_be_run(run: Run, tmp_path: Path) -> None:
-    result = run("plan", "--scenario", "failures", "--random", 3, "--seed", 5, "-o", tmp_path / "plans")
+    result = run("plan", "failures", "--random", 3, "--seed", 5, "-o", tmp_path / "plans")
     assert result.code == 0
     assert result.out == f"3 plans of failures: {tmp_path}/plans/plan-001.json .. plan-003.json\n"
     plans = [read_plan(path) for path in sorted((tmp_path / "plans").iterdir())]
     assert len({str(plan.orders()) for plan in plans}) == 3
     assert run("run", tmp_path / "plans" / "plan-002.json", "-o", tmp_path / "x.mcap").code == 0
-    again = run("plan", "--random", 2, "-o", tmp_path / "plans")
+    again = run("plan", "failures", "--random", 2, "-o", tmp_path / "plans")
     assert again.code == 1
     assert "plan-001.json: exists already" in again.err
-    assert run("plan", "--random", 9999, "-o", tmp_path / "more").code == 1
+    assert run("plan", "failures", "--random", 9999, "-o", tmp_path / "more").code == 1
 
 
 def test_drawn_plans_as_json(run: Run, tmp_path: Path) -> None:
-    result = run("plan", "--random", 1, "-o", tmp_path, "--json").json()
-    assert result == {"scenario": "paper", "seed": 1, "plans": [str(tmp_path / "plan-001.json")]}
+    result = run("plan", "paper", "--random", 1, "-o", tmp_path, "--json").json()
+    assert result == {"problem": "paper", "seed": 1, "plans": [str(tmp_path / "plan-001.json")]}
 
 
 @pytest.mark.parametrize("mode", ["sequential", "timed", "synchronous", "asynchronous", "reactive"])
