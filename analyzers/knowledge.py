@@ -13,8 +13,8 @@ from hrclog.analyzers.intervals import rebuild as rebuild_intervals
 from hrclog.analyzers.learning import ESTIMATOR_VERSION, learn
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.outliers import Outliers
-from hrclog.diagnostic import Diagnostic
-from hrclog.errors import HrclogError
+from hrclog.diagnostic import Diagnostic, loses_data
+from hrclog.errors import HrclogError, KnowledgeError
 from hrclog.event_rows import to_row
 from hrclog.events import Event
 from hrclog.knowledge.base import KnowledgeBase
@@ -128,6 +128,13 @@ def rebuild(
     """
     logs = read_logs(paths, on_file=on_file)
     records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting(logs))))
+    lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
+    if lost and loses_data(logs.diagnostics):
+        raise KnowledgeError(
+            "the knowledge base",
+            f"{len(lost)} of its runs are not in these logs, of which not all could be read; nothing was changed",
+            "hrclog check tells what is wrong with them, leave out those that are beyond repair",
+        )
     rebuild_from(kb, records, _method(kb, estimator, outliers))
     return Ingested(added=[run.run_id for run in records], diagnostics=[*logs.diagnostics, *illegal])
 

@@ -44,7 +44,7 @@ class JsonRecord:
         if name not in self._fields and default is not None:
             return default
         value = self._required(name)
-        if not isinstance(value, str) or not (value or default is not None):
+        if not isinstance(value, str) or not (value or default is not None) or not _is_text(value):
             raise self.error(name, "a text that is not empty" if default is None else "a text")
         return value
 
@@ -53,7 +53,7 @@ class JsonRecord:
         if name not in self._fields and default is not None:
             return default
         value = self._required(name)
-        fine = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        fine = _is_number(value)
         if not fine or not least <= value <= most:
             raise self.error(name, f"a number from {least:g}" + (f" to {most:g}" if math.isfinite(most) else ""))
         return float(value)
@@ -86,7 +86,7 @@ class JsonRecord:
         if name not in self._fields and default is not None:
             return default
         value = self._required(name)
-        if not isinstance(value, list) or not all(isinstance(text, str) and text for text in value):
+        if not isinstance(value, list) or not all(isinstance(text, str) and text and _is_text(text) for text in value):
             raise self.error(name, "a list of texts")
         return tuple(value)
 
@@ -134,9 +134,22 @@ class JsonRecord:
 
 
 def _is_numbers(value: object) -> bool:
-    return isinstance(value, list) and all(
-        isinstance(entry, int | float) and not isinstance(entry, bool) and math.isfinite(entry) for entry in value
-    )
+    return isinstance(value, list) and all(_is_number(entry) for entry in value)
+
+
+def _is_number(value: object) -> bool:
+    """Return whether a value is a number that a float can hold; integers in JSON may be longer."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _is_text(value: str) -> bool:
+    """Return whether a text can be written: half of a surrogate pair cannot."""
+    return not any("\ud800" <= character <= "\udfff" for character in value)
 
 
 def wrong(where: str, found: object, expected: str) -> ScenarioError:
@@ -158,6 +171,8 @@ def read_json(path: Path, what: str) -> object:
         return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read ({error.strerror}); expected {what}") from error
+    except RecursionError as error:
+        raise ScenarioError(f"{path}: nested too deeply; expected {what}") from error
     except ValueError as error:
         raise ScenarioError(f"{path}: not JSON ({error}); expected {what}") from error
 

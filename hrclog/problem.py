@@ -5,7 +5,6 @@ A problem says nothing about order or time; a plan (`hrclog.plan`) does.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,6 +15,12 @@ from typing import Any, Final
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
 from hrclog.json_record import JsonRecord
+
+LONGEST_S: Final = 1e7
+"""Four months: what is longer is no task of a run."""
+
+MOST_TIMES: Final = 10_000
+"""How often a task may be done in a run."""
 
 
 class PrecedenceKind(StrEnum):
@@ -267,18 +272,20 @@ def _check_names(problem: Problem) -> None:
 
 
 def _check_times(task: Task) -> None:
-    if not 0.0 <= task.release_s < math.inf:
-        raise ScenarioError(f"task {task.name!r}: release_s: found {task.release_s:g}, expected a number from 0")
-    if task.due_s is not None and not task.release_s < task.due_s < math.inf:
+    if not 0.0 <= task.release_s <= LONGEST_S:
+        raise ScenarioError(
+            f"task {task.name!r}: release_s: found {task.release_s:g}, expected a number from 0 to {LONGEST_S:g}"
+        )
+    if task.due_s is not None and not task.release_s < task.due_s <= LONGEST_S:
         expected = f"a number above its release_s = {task.release_s:g}"
         raise ScenarioError(f"task {task.name!r}: due_s: found {task.due_s:g}, expected {expected}")
     for agent, expected_s in task.expected_s.items():
         if agent not in task.agents:
             domain = ", ".join(task.agents)
             raise ScenarioError(f"task {task.name!r}: expected_s: {agent!r} cannot do it, only {domain} can")
-        if not 0.0 < expected_s < math.inf:
+        if not 0.0 < expected_s <= LONGEST_S:
             where = f"task {task.name!r}: expected_s of {agent!r}"
-            raise ScenarioError(f"{where}: found {expected_s:g}, expected a number above 0")
+            raise ScenarioError(f"{where}: found {expected_s:g}, expected a number above 0, at most {LONGEST_S:g}")
 
 
 def _unique(what: str, names: Iterable[str]) -> None:
@@ -303,6 +310,10 @@ def _check_counts(problem: Problem) -> None:
         task = problem.task(count.task)
         if count.count < 0:
             raise ScenarioError(f"count of {count.task!r}: found {count.count}, expected 0 or more")
+        if count.count > MOST_TIMES:
+            raise ScenarioError(
+                f"count of {count.task!r}: found {count.count}, expected at most {MOST_TIMES:,} in a run"
+            )
         if count.agent:
             _known_agent(problem, count.agent, f"count of {count.task!r}")
             if count.agent not in task.agents:

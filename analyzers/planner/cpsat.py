@@ -20,6 +20,9 @@ from hrclog.analyzers.planner.worlds import Worlds
 from hrclog.errors import ScenarioError
 from hrclog.knowledge.task_times import Floats
 
+MOST_UNITS: Final = 120
+"""Pieces of work that a model is made of; more take too long before the search even begins."""
+
 _WARM_UP: Final = 2000
 """Plans that a local search judges before, so that the solver knows what to beat."""
 
@@ -66,7 +69,7 @@ def cpsat(space: Space, world: Worlds, seconds: float, seed: int = 0, starts: It
     _check(space, world)
     judge = Judge(space, world)
     least_s = lower_bound_s(space, world)
-    known = local_search(judge, Effort(_WARM_UP), seed, starts=starts)
+    known = local_search(judge, Effort(_WARM_UP, seconds), seed, starts=starts)
     if not known.best:
         return CpSat(known, math.inf, least_s, optimal=False)
     best = known.best[0]
@@ -93,6 +96,9 @@ def _check(space: Space, world: Worlds) -> None:
         raise ScenarioError(f"planner cpsat: task {due[0]!r} has a due time, not supported; choose local search")
     if space.begun:
         raise ScenarioError("planner cpsat: cannot go on with a run that has begun; choose local search")
+    if sum(space.counts) > MOST_UNITS:
+        found = f"found {sum(space.counts)} pieces of work, expected at most {MOST_UNITS}"
+        raise ScenarioError(f"planner cpsat: {found}; choose local search")
     if world.count != 1:
         raise ScenarioError(f"planner cpsat: found {world.count} worlds, expected the expected world; choose the mean")
 
@@ -129,7 +135,8 @@ def _solve(model: Model, agents: int, seconds: float, seed: int) -> _Solved:
 
     _complete_hint(model)
     solver = cp_model.CpSolver()
-    solver.parameters.random_seed = seed
+    solver.parameters.random_seed = seed % 2**31
+    solver.parameters.catch_sigint_signal = False  # who presses Ctrl-C wants no plan
     solver.parameters.num_workers = 1  # with more, the answer depends on who is first
     solver.parameters.linearization_level = 2  # without the linear relaxation the bound hardly moves
     if len(model.cp.proto.variables) > _LARGE:

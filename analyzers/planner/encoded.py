@@ -129,9 +129,10 @@ def encode_resources(problem: Problem, plans: Encoded) -> Ints | None:
 
 def repeats(task: Ints) -> Ints:
     """Return how often the same task stands before each item in its agent's queue, shape as `task`, (..., P)."""
-    same = task[..., :, None] == task[..., None, :]
-    before = np.tril(np.ones(task.shape[-1:] * 2, np.bool_), -1)
-    found: Ints = (same & before).sum(-1)
+    found = np.zeros_like(task)
+    for key in np.unique(task):
+        same = task == key
+        found[same] = (np.cumsum(same, axis=-1) - 1)[same]
     return found
 
 

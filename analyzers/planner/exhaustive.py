@@ -2,24 +2,38 @@
 
 from __future__ import annotations
 
+import math
+import time
 from itertools import islice
+from typing import Final
 
 import numpy as np
 
 from hrclog.analyzers.planner.judge import Judge
 from hrclog.analyzers.planner.outcome import Ranked, Search
 from hrclog.analyzers.planner.space import Candidate
+from hrclog.errors import ScenarioError
 
-_CHUNK = 4096
+MOST_LISTED: Final = 1_000_000
+"""Plans that can be judged one by one: in an hour or so."""
+
+_CHUNK: Final = 256
 
 
-def judge_all(judge: Judge, keep: int = 32) -> Search:
+def judge_all(judge: Judge, keep: int = 32, seconds: float = math.inf) -> Search:
     """Return the best candidates of all, in order of score and then of how they are written.
 
     Args:
         judge: of candidates.
         keep: how many to return.
+        seconds: after which to stop; what was not judged then is unknown.
+
+    Raises:
+        ScenarioError: there are too many to be listed.
     """
+    if judge.space.size(MOST_LISTED) > MOST_LISTED:
+        raise ScenarioError(f"there are more than {MOST_LISTED:,} plans, too many to judge them all; search locally")
+    deadline = time.monotonic() + seconds
     best: list[Ranked] = []
     count = 0
     candidates = judge.space.candidates()
@@ -27,6 +41,8 @@ def judge_all(judge: Judge, keep: int = 32) -> Search:
         scores = judge.scores(chunk)
         count += len(chunk)
         best = ranked([*best, *_best(chunk, scores.tolist(), keep)], keep)
+        if time.monotonic() > deadline:
+            return Search(tuple(best), count, exhaustive=False, stopped=f"after {seconds:g} s")
     return Search(tuple(best), count, exhaustive=True)
 
 

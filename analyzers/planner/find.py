@@ -39,7 +39,7 @@ class Found:
         search: how many plans were judged, and why the search ended.
         bound_s: no plan's undisturbed makespan is shorter.
         changes: what becomes of pairs of tasks, against random plans; those that save most first.
-        usual_s: mean over random plans of the expected makespan.
+        usual_s: mean over random plans of the expected makespan: the plan's own times their ratio in the same worlds.
         guessed: (agent, task) that are known by a declared guess alone.
         unobserved: pairs of (agent, task) side by side in the plan that no run has shown.
     """
@@ -100,7 +100,7 @@ def find_plan(problem: Problem, times: TaskTimes, wish: Wish | None = None, name
     # other draws than those it was chosen by, which flatter it
     told = forecast(problem, plan, times, seed=wish.seed + 1)
     _check_due(problem, plan, told)
-    changes, usual_s = _against_random(space, times, plan, wish.seed)
+    changes, ratio = _against_random(space, times, plan, wish.seed)
     return Found(
         with_expected_times(plan, told),
         told,
@@ -108,21 +108,22 @@ def find_plan(problem: Problem, times: TaskTimes, wish: Wish | None = None, name
         found,
         bound_s,
         tuple(changes),
-        usual_s,
+        told.mean_s * ratio,
         tuple(key for key in space.keys if times.times[key].source == "guess"),
         tuple(_unobserved(times, changes)),
     )
 
 
 def _against_random(space: Space, times: TaskTimes, plan: Plan, seed: int) -> tuple[list[PairChange], float]:
-    """Return what becomes of pairs against random plans, and the mean expected makespan of these."""
+    """Return what becomes of pairs against random plans, and how many times as long these take in the same worlds."""
     usual = list(islice(random_plans(space.problem, f"usual:{seed}"), _USUAL))
     keys = space.keys
     encoded, one = (encode_plans(space.problem, keys, plans) for plans in (usual, [plan]))
     size = space.longest()
     changes = pair_changes(one, encoded, expected_world(times, keys, space.agents, size))
     worlds = drawn_worlds(times, keys, space.agents, size, _USUAL_WORLDS, seed + 1)
-    return changes, float(evaluate(encoded, worlds).makespan_s.mean())
+    others, own = (evaluate(plans, worlds).makespan_s.mean() for plans in (encoded, one))
+    return changes, float(others / own)
 
 
 def _unobserved(times: TaskTimes, changes: Iterable[PairChange]) -> Iterable[tuple[AgentTask, AgentTask]]:

@@ -199,7 +199,7 @@ def _left(
         done = max(_work_done(times, (agent, task), since_s, running), 1e-9)
         sigma = max(time.sigma, _LEAST_SIGMA)
         beyond = float(ndtr((np.log(done) - time.mu) / sigma))
-        levels = beyond + (1 - beyond) * np.random.default_rng([seed, number]).random(count)
+        levels = beyond + (1 - beyond) * np.random.default_rng([seed % 2**64, number]).random(count)
         work = np.exp(time.mu + sigma * ndtri(levels.clip(0.0, 1 - 1e-12)))
         left[agent] = (work - done).clip(0.01)
     return left

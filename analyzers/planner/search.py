@@ -68,7 +68,8 @@ def search(space: Space, times: TaskTimes, wish: Wish) -> tuple[Search, float]:
             near = local_search(guide, wish.effort, wish.seed, keep=_KEPT)
             return _judged_again(near, Judge(space, _worlds(space, times, wish), wish.objective, times=times)), bound
         case _:
-            return judge_all(Judge(space, _worlds(space, times, wish), wish.objective, times=times)), bound
+            judge = Judge(space, _worlds(space, times, wish), wish.objective, times=times)
+            return judge_all(judge, seconds=wish.effort.seconds), bound
 
 
 def _near(objective: Objective) -> Objective:

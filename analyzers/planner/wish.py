@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from hrclog.analyzers.planner.judge import Objective
 from hrclog.analyzers.planner.local_search import Effort
+from hrclog.errors import HrclogError
 from hrclog.knowledge.task_times import AgentTask
 
 
@@ -40,6 +41,9 @@ class Wish:
         avoid: pairs for `not-neighboring`; None for those that are known to hinder each other.
         explore: whether to plan as if one draw of what is known were true, so that now and then pairs are tried of
             which little is known (Thompson 1933).
+
+    Raises:
+        HrclogError: the objective or the method is not known.
     """
 
     objective: Objective = Objective.MEAN
@@ -48,3 +52,8 @@ class Wish:
     effort: Effort = field(default_factory=Effort)
     avoid: tuple[tuple[AgentTask, AgentTask], ...] | None = None
     explore: bool = False
+
+    def __post_init__(self) -> None:
+        for name, kind in (("objective", Objective), ("method", Method)):
+            if getattr(self, name) not in tuple(kind):
+                raise HrclogError(f"{name}: found {getattr(self, name)!r}, expected one of {', '.join(kind)}")

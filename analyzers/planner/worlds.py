@@ -81,7 +81,7 @@ def drawn_worlds(
         ScenarioError: nothing is known of a key.
     """
     known = _known(times, keys)
-    source = np.random.default_rng(seed)
+    source = np.random.default_rng(seed % 2**64)
     work = np.empty((count, len(keys), size))
     factors = []
     for number, time in enumerate(known):

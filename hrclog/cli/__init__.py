@@ -23,7 +23,7 @@ VERBS = {
     "import": "Turn other systems' records into logs.",
     "info": "Say what a log holds.",
     "kb": "Keep what runs teach, where planners find it.",
-    "plan": "Draw random plans of a scenario and write their files.",
+    "plan": "Find the best plan by what was learnt, judge one, or draw random ones.",
     "record": "Record events given as JSON lines on standard input.",
     "recover": "Close logs whose recorder was killed.",
     "run": "Carry a plan out with simulated, replayed or scripted agents.",

@@ -192,6 +192,7 @@ def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
 
     events, code = _events(options["run_log"])
     state = run_state(events)
+    _check_cell(problem, state.plan, options)
     found = plan_rest(problem, times, state, Objective(options["objective"]), options["seed"])
     n_over = sum(outcome == "succeeded" for outcome in state.outcomes.values())
     where = f"{options['run_log']}: {n_over} items done, {len(state.running)} under way at {state.now_s:.1f} s"
@@ -199,7 +200,10 @@ def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         if options["as_json"]:
             print_json({"now_s": state.now_s, "changed": False, "forecast": None, "plan": state.plan.to_json()})
         else:
-            click.echo(f"{where}; the plan that is followed is as good as any that was found")
+            as_good = "the plan that is followed is as good as any that was found"
+            click.echo(f"{where}; {as_good if state.left() else 'nothing is left to plan'}")
+            if options["show"]:
+                click.echo("\n" + timeline_text(state.plan))
         _write(options["out"], state.plan)
         return code
     plan, told = found
@@ -211,6 +215,19 @@ def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     if options["show"]:
         click.echo("\n" + timeline_text(plan, _ends(told)))
     return code
+
+
+def _check_cell(problem: Problem, plan: Plan, options: dict[str, Any]) -> None:
+    """Raise if a run is not one of the problem."""
+    from hrclog.errors import ScenarioError
+
+    known = set(problem.agent_tasks())
+    for item in plan.items:
+        if (item.agent, item.task) not in known:
+            found = f"its plan has {item.task!r} by {item.agent!r}"
+            raise ScenarioError(
+                f"{options['run_log']}: {found}, which is not in {options['problem_name']}; name its cell"
+            )
 
 
 def _events(path: Path) -> tuple[list[Event], int]:

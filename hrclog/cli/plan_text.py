@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 _WIDTH: Final = 96
 _PAIRS: Final = 5
+_APART: Final = 0.75  # of the usual time side by side; what is above is not kept apart
 _BY_MEAN_DURATIONS: Final = ("baseline", "not-neighboring")
 """Methods that do not look for the least expected makespan."""
 
@@ -36,7 +37,7 @@ def _bound(found: Found) -> str:
     if not found.bound_s:
         return "of what other plans take at least, nothing is known"
     below = max(1 - found.bound_s / found.forecast.undisturbed_s, 0.0)
-    return f"no plan takes less than {found.bound_s:.1f} s ({_percent(below)} below it)"
+    return f"no plan undisturbed takes less than {found.bound_s:.1f} s ({_percent(below)} below it)"
 
 
 def _percent(part: float) -> str:
@@ -55,9 +56,12 @@ def _how(found: Found) -> str:
     if found.wish.method in _BY_MEAN_DURATIONS:
         ties = len(found.search.best)
         return f"method {found.wish.method}, one of {ties:,} equally good by it, {found.search.judged:,} plans judged"
+    if found.search.exhaustive and found.search.judged == 1:
+        return f"method {found.wish.method}, the only plan there is"
     if found.search.exhaustive:
         return f"method {found.wish.method}, the best of all {found.search.judged:,} plans"
-    stopped = f", stopped {found.search.stopped}" if found.search.stopped else ""
+    why = found.search.stopped
+    stopped = f", stopped {why}" if why.startswith("after") else f", {why}" if why else ""
     return f"method {found.wish.method}, {found.search.judged:,} plans judged{stopped}"
 
 
@@ -66,7 +70,7 @@ def _pairs(found: Found) -> Iterator[str]:
     rows = [
         (f"{c.task} ({c.agent}) | {c.other_task} ({c.other_agent})", c)
         for c in found.changes
-        if round(c.saved_s, 1) > 0 and c.overlap_s < c.usual_overlap_s
+        if round(c.saved_s, 1) > 0 and c.overlap_s < _APART * c.usual_overlap_s
     ][:_PAIRS]
     if rows:
         yield table(
@@ -78,10 +82,10 @@ def _pairs(found: Found) -> Iterator[str]:
 def _doubts(found: Found) -> Iterator[str]:
     if found.guessed:
         named = ", ".join(f"{task} by {agent}" for agent, task in found.guessed)
-        yield f"guessed, no run shows it yet: {named}"
+        yield printable(f"guessed, no run shows it yet: {named}")
     if found.unobserved:
         named = ", ".join(f"{one[1]} ({one[0]}) | {other[1]} ({other[0]})" for one, other in found.unobserved)
-        yield f"side by side in this plan, and in no run yet: {named}"
+        yield printable(f"side by side in this plan, and in no run yet: {named}")
 
 
 def timeline_text(plan: Plan, ends: Mapping[str, tuple[float, float]] | None = None) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import Connection, Table, select
 
+from hrclog.errors import KnowledgeError, ScenarioError
 from hrclog.knowledge.tables import (
     RESULT_ORDER,
     RUNS,
@@ -122,10 +123,15 @@ class View:
         from hrclog.knowledge.task_times import task_times_from_json
 
         found: dict[str, list[Any]] = {"time": [], "gap": []}
-        for kind, value in self._connection.execute(select(TASK_TIMES.c.kind, TASK_TIMES.c.value)):
-            found[kind].append(json.loads(value))
-        record = {"times": found["time"], "gaps": found["gap"]}
-        return task_times_from_json(JsonRecord(record, "task_times", ("times", "gaps")))
+        try:
+            for kind, value in self._connection.execute(select(TASK_TIMES.c.kind, TASK_TIMES.c.value)):
+                found[kind].append(json.loads(value))
+            record = {"times": found["time"], "gaps": found["gap"]}
+            return task_times_from_json(JsonRecord(record, "task_times", ("times", "gaps")))
+        except (ValueError, KeyError, ScenarioError) as error:
+            what = f"task_times hold what hrclog did not write ({error})"
+            remedy = "make it anew from the logs: hrclog kb rebuild LOG... --kb KB"
+            raise KnowledgeError("the knowledge base", what, remedy) from error
 
     def snapshots(self) -> dict[str, list[TaskProperties]]:
         """Return what runs declare of tasks, by the ids of the snapshots, sorted by name."""

@@ -76,6 +76,18 @@ def test_a_withdrawn_run_comes_back(run: Run, kb: Path, logs: Path) -> None:
     assert state_at(kb) == before
 
 
+def test_a_rebuild_from_logs_that_cannot_all_be_read_loses_no_run(run: Run, logs: Path, tmp_path: Path) -> None:
+    kb = tmp_path / "kb.sqlite"
+    assert run("kb", "update", logs, "--kb", kb).code == 0
+    before = run("kb", "show", "--kb", kb, "--json").out
+    (tmp_path / "text.mcap").write_text("no log")
+    first = min(logs.glob("*.mcap"))
+    result = run("kb", "rebuild", first, tmp_path / "text.mcap", "--kb", kb)
+    assert result.code == 1
+    assert "nothing was changed" in result.err
+    assert run("kb", "show", "--kb", kb, "--json").out == before
+
+
 def test_export_and_import_are_inverse(run: Run, kb: Path, logs: Path, tmp_path: Path) -> None:
     run("kb", "update", logs, "--kb", kb, "--estimator", "paper")
     written = run("kb", "export", "--kb", kb, "-o", tmp_path / "out", "--json").json()["written"]

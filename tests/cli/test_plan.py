@@ -217,10 +217,40 @@ def test_a_run_that_is_over_needs_no_other_plan(run: Run, kb: Path, tmp_path: Pa
     result = run("plan", "paper", "--kb", kb, "--from", tmp_path / "whole.mcap", "-o", tmp_path / "same.json")
     assert result.code == 0
     assert "24 items done, 0 under way" in result.out
-    assert "the plan that is followed is as good as any that was found" in result.out
+    assert "nothing is left to plan" in result.out
     assert read_plan(tmp_path / "same.json") == run_state(events_of()).plan
     told = run("plan", "paper", "--kb", kb, "--from", tmp_path / "whole.mcap", "--json").json()
     assert (told["changed"], told["forecast"]) == (False, None)
+
+
+def test_the_log_of_another_cell_is_refused(run: Run, kb: Path, tmp_path: Path) -> None:
+    write_log(tmp_path / "other.mcap", simulate_run(KITTING, 1, 0).events)
+    result = run("plan", "paper", "--kb", kb, "--from", tmp_path / "other.mcap")
+    assert result.code == 1
+    assert "'add_screws' by 'operator'" in result.err
+    assert "name its cell" in result.err
+
+
+def test_a_single_possible_plan_is_neither_shorter_nor_longer_than_a_random_one(run: Run, tmp_path: Path) -> None:
+    task = {"name": "pick", "agents": ["A"], "expected_s": 5.0}
+    only = {"agents": ["A"], "tasks": [task], "counts": [{"task": "pick", "count": 2}]}
+    (tmp_path / "only.json").write_text(json.dumps(only))
+    result = run("plan", tmp_path / "only.json", "--seed", "-1")
+    assert result.code == 0
+    assert "0.0 % less than" in result.out
+    assert "the only plan there is" in result.out
+
+
+def test_too_many_plans_are_not_listed_and_a_limit_of_time_is_kept(run: Run, problem: Path, tmp_path: Path) -> None:
+    many = json.loads(problem.read_text())
+    many["counts"] = [count | {"count": 40} for count in many["counts"]]
+    many["tasks"] = [{key: value for key, value in task.items() if key != "targets"} for task in many["tasks"]]
+    (tmp_path / "many.json").write_text(json.dumps(many))
+    result = run("plan", tmp_path / "many.json", "--method", "enumerate", "--seconds", "1")
+    assert (result.code, result.err.count("\n")) == (1, 1)
+    assert "too many to judge them all" in result.err
+    result = run("plan", tmp_path / "many.json", "--method", "cpsat", "--seconds", "1")
+    assert "choose local search" in result.err
 
 
 def test_the_journal_of_a_run_that_goes_on_is_read(run: Run, kb: Path, tmp_path: Path) -> None:
