@@ -59,6 +59,7 @@ def test_every_plan_drawn_is_valid_and_different(problem: Problem, seed: int) ->
     assert len(set(keys)) == len(keys)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("free", "count"), [(False, 225), (True, 715)])
 def test_the_paper_has_225_plans_and_715_with_free_blue_boxes(free: bool, count: int) -> None:
     assert len(distinct_plans(paper(free=free), count, 1)) == count

@@ -455,7 +455,7 @@ def test_the_forest_leaves_out_successes_only_and_gives_the_same_each_time() -> 
     assert first.synergies["n"].to_list() == none.synergies["n"].to_list()
     assert first.synergies["synergy"].to_list() != none.synergies["synergy"].to_list()
     for data in exposures(observations):
-        kept = module._kept(data, "isolation-forest")
+        kept = module.inlying(data, "isolation-forest")
         assert (~kept.finished).sum() == (~data.finished).sum()
         assert 0 < kept.finished.sum() < data.finished.sum()
 

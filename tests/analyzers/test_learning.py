@@ -143,6 +143,7 @@ def test_a_factor_is_that_on_the_task_it_belongs_to() -> None:
     assert times["H", "h"].sigma == pytest.approx(0.05, rel=0.5)
 
 
+@pytest.mark.slow
 def test_covariances_are_in_the_order_of_mu_log_sigma_and_the_factors() -> None:
     """Hold the variances against the spread of what independent campaigns teach."""
     drawn: list[list[float]] = []

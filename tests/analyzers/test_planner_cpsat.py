@@ -20,6 +20,8 @@ from hrclog.errors import ScenarioError
 from hrclog.problem import Count, Problem, Task
 from hrclog.sim.scenario import load_scenario
 
+pytestmark = pytest.mark.slow  # each test lets the solver work
+
 _ROUNDING_S = 0.01
 
 

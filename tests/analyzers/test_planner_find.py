@@ -31,6 +31,8 @@ from hrclog.plan import check_plan, make_plan
 from hrclog.problem import Count, Precedence, PrecedenceKind, Problem, Task
 from hrclog.sim.scenario import load_scenario
 
+pytestmark = pytest.mark.slow  # each test looks for plans
+
 SCENARIOS = ("paper", "kitting", "three-agents", "machine-tending")
 SMALL = ("paper", "kitting")
 

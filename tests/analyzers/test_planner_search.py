@@ -26,6 +26,7 @@ from hrclog.sim.scenario import load_scenario
 _EFFORT = Effort(1500)
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(spaces(rules=False))
 def test_local_search_finds_the_best_of_all_plans(problem: tuple[Space, Worlds]) -> None:
@@ -101,6 +102,7 @@ def test_the_paper_s_cell_has_225_plans_and_both_searches_find_the_same_best() -
     assert found.stopped == f"nothing better in {found.judged:,} plans"
 
 
+@pytest.mark.slow
 def test_the_same_seed_finds_the_same_plans() -> None:
     judge = _paper(4)
     first, again = (local_search(judge, Effort(1500), seed=7) for _ in range(2))

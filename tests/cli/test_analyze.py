@@ -72,6 +72,7 @@ def test_tables_have_their_documented_schemas_and_every_run_has_a_recording(
     assert len(list((tmp_path / "runs").glob("*.rrd"))) == 12
 
 
+@pytest.mark.slow
 def test_recordings_of_an_earlier_analysis_in_the_same_folder_do_not_stay_behind(
     run: Run, samples: Path, tmp_path: Path
 ) -> None:
@@ -81,6 +82,7 @@ def test_recordings_of_an_earlier_analysis_in_the_same_folder_do_not_stay_behind
     assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["failures_0000.rrd", "mine.rrd"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", ["ols", "paper"])
 @pytest.mark.parametrize("outliers", ["none", "isolation-forest"])
 def test_every_estimator_and_outlier_method_runs(
@@ -173,11 +175,13 @@ def test_hostile_names_reach_neither_the_terminal_nor_other_folders(run: Run, tm
     assert all((tmp_path / "deep" / "out") in path.parents for path in written)
 
 
+@pytest.mark.slow
 def test_results_are_the_same_every_time(run: Run, samples: Path, tmp_path: Path) -> None:
     first = run("analyze", samples / "campaign", "-o", tmp_path / "a", "--json").out
     assert run("analyze", samples / "campaign", "-o", tmp_path / "b", "--json").out == first
 
 
+@pytest.mark.slow
 def test_the_authors_runs_take_the_planned_path(run: Run, data_dir: Path, tmp_path: Path) -> None:
     source = data_dir / "safety_areas" / "task_results.json"
     assert run("import", "mongo", source, "-o", tmp_path / "A").code == 0

@@ -23,6 +23,8 @@ from hrclog.knowledge.exchange import export_json, export_parquet
 from hrclog.knowledge.mongo import export_mongo, write_documents
 from hrclog.recorders.importers.mongo import import_mongo
 
+pytestmark = pytest.mark.slow  # each test fills several knowledge bases
+
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 COLLECTIONS = ("task_properties", "task_results", "task_durations", "task_synergies")
 

@@ -44,6 +44,7 @@ def test_tables_have_the_columns_of_an_analysis() -> None:
     assert RESULT_ORDER == SORT
 
 
+@pytest.mark.slow
 def test_what_comes_out_is_what_an_analysis_of_the_logs_says(kb: KnowledgeBase) -> None:
     found = ingest_logs(kb, [SAMPLES / "campaign", SAMPLES / "failures.mcap"])
     assert len(found.added) == 13
@@ -129,6 +130,7 @@ def _parts(events: pl.DataFrame, chance: random.Random) -> list[pl.DataFrame]:
     return [events.filter(pl.col("run_id").is_in(part)) for part in (runs[:cut], runs[cut:])]
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(st.randoms(use_true_random=False))
 def test_order_shards_and_repetitions_do_not_matter(
@@ -183,6 +185,7 @@ def test_two_processes_at_once_lose_nothing_and_double_nothing(where: str, tmp_p
     assert found == state_at(tmp_path / "alone.sqlite")
 
 
+@pytest.mark.slow
 def test_sqlite_and_postgresql_hold_the_same_bits(postgres: str, tmp_path: Path) -> None:
     odd = frame_of_runs([5]).with_columns(
         # ends of executions are every other event
