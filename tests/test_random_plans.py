@@ -49,6 +49,7 @@ def problems(draw: st.DrawFn) -> Problem:
     return Problem(agents, tuple(tasks), tuple(counts), tuple(rules))
 
 
+@pytest.mark.slow
 @given(problems(), st.integers())
 def test_every_plan_drawn_is_valid_and_different(problem: Problem, seed: int) -> None:
     plans = list(itertools.islice(random_plans(problem, seed), 5))

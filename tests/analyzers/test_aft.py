@@ -414,6 +414,7 @@ def test_odd_runs_give_numbers_that_make_sense_or_none(name: str, method: str) -
         assert np.isfinite(list(model.log_factors.values())).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ODD)
 def test_odd_runs_are_fitted_at_a_maximum(name: str) -> None:
     for data in exposures(observe(frame(ODD[name]))):

@@ -108,6 +108,7 @@ def test_intervals_and_diagnostics_are_those_of_a_plain_fold_of_the_state_machin
     assert all(one.path == PATH and one.code in CODES for one in diagnostics)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(event_rows())
 def test_folding_every_execution_gives_what_pairing_the_regular_ones_gives(rows: list[Row]) -> None:

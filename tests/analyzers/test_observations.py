@@ -62,6 +62,7 @@ def test_parts_in_any_order_make_the_whole(order: list[str], cuts: list[int]) ->
     same(merge(parts), observe(frame(FOUND)))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(rows(max_size=14, runs="rstu"))
 def test_any_runs_put_together_are_the_runs(found: list[Row]) -> None:
@@ -71,6 +72,7 @@ def test_any_runs_put_together_are_the_runs(found: list[Row]) -> None:
     same(merge([merge(parts[:1]), *parts[1:]]), observe(frame(found)))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(rows(max_size=14, runs="rstu"), st.sets(st.sampled_from("rstu")))
 def test_withdrawn_runs_leave_the_rest(found: list[Row], gone: set[str]) -> None:

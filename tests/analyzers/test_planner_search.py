@@ -91,6 +91,7 @@ def _paper(worlds: int) -> Judge:
     return Judge(space, drawn_worlds(times, space.keys, space.agents, size, worlds, 1) if worlds else expected)
 
 
+@pytest.mark.slow
 def test_the_paper_s_cell_has_225_plans_and_both_searches_find_the_same_best() -> None:
     judge = _paper(0)
     every = judge_all(judge)

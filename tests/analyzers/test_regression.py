@@ -134,6 +134,7 @@ def test_the_real_runs_agree_with_dense_least_squares(name: str, offline: Runs) 
     assert agrees(offline.intervals.to_dicts(), name) == 32
 
 
+@pytest.mark.slow
 @both
 @settings(max_examples=60)
 @given(found=rows(max_size=12, scale=SECOND))
@@ -196,6 +197,7 @@ def test_the_left_side_of_the_paper_is_a_union_and_that_of_ols_a_sum() -> None:
     assert by_key(estimated("paper", frame(found)))["R", "r", "H", "h"]["synergy"] == pytest.approx(8 / 7.2)
 
 
+@pytest.mark.slow
 @both
 def test_the_isolation_forest_gives_the_same_answer_each_time_and_another_than_none(name: str) -> None:
     found = frame(random_runs(8, n_runs=10, tasks=2))
@@ -235,6 +237,7 @@ def test_hundreds_of_tasks_take_seconds(name: str) -> None:
     assert estimated(name, found).height == 2 * 250 * 250
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shares", [concurrent_shares, own_shares])
 def test_a_task_that_only_outliers_met_has_no_column(shares: Callable[..., Iterator[Matrices]]) -> None:
     observations = observe(frame(random_runs(8, n_runs=6, tasks=6)))

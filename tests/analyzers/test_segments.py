@@ -81,6 +81,7 @@ def joined(pieces: dict[str, list[Piece]]) -> dict[str, list[Piece]]:
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(rows(max_size=14))
 def test_segments_say_what_the_others_do_in_every_nanosecond(found: list[Row]) -> None:

@@ -92,6 +92,7 @@ def test_the_same_seed_gives_the_same_json(run: Run, kb: Path) -> None:
     assert (found["guessed"], found["method"]) == ([], "enumerate")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["enumerate", "local", "baseline", "not-neighboring", "random"])
 @pytest.mark.parametrize("objective", ["mean", "p95", "closed-form"])
 def test_every_method_and_objective_gives_a_plan(
@@ -148,6 +149,7 @@ def test_pairs_may_be_kept_apart(run: Run, kb: Path, tmp_path: Path) -> None:
     assert "pairs to avoid: found 'dance' by 'robot'" in result.err
 
 
+@pytest.mark.slow
 def test_exploring_is_by_seed(run: Run, problem: Path) -> None:
     plans = [run("plan", problem, "--explore", "--seed", seed, "--json").json()["plan"] for seed in (1, 1, 2, 3, 4)]
     assert plans[0] == plans[1]

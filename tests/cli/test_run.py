@@ -52,6 +52,7 @@ def logged(path: Path) -> list[Event]:
     return [from_row(row) for row in read_events(path).iter_rows(named=True)]
 
 
+@pytest.mark.slow
 def test_plans_are_drawn_into_files_that_can_be_run(run: Run, tmp_path: Path) -> None:
     result = run("plan", "failures", "--random", 3, "--seed", 5, "-o", tmp_path / "plans")
     assert result.code == 0

@@ -59,6 +59,7 @@ def test_what_comes_out_is_what_an_analysis_of_the_logs_says(kb: KnowledgeBase) 
     assert kb.times().to_json() == learnt.times.to_json()
 
 
+@pytest.mark.slow
 def test_the_same_runs_again_add_nothing(kb: KnowledgeBase) -> None:
     ingest_logs(kb, [SAMPLES / "campaign"])
     update_statistics(kb)
@@ -207,6 +208,7 @@ def test_sqlite_and_postgresql_hold_the_same_bits(postgres: str, tmp_path: Path)
     assert {"5e-324", "0.30000000000000004", "1.7e+308"} <= {cell for row in states[0]["task_results"] for cell in row}
 
 
+@pytest.mark.slow
 def test_a_rebuild_from_logs_is_what_came_run_by_run(kb: KnowledgeBase, tmp_path: Path) -> None:
     for number in range(6):
         write_log(tmp_path / f"{number}.mcap", run_of(number))
@@ -223,6 +225,7 @@ def test_a_rebuild_from_logs_is_what_came_run_by_run(kb: KnowledgeBase, tmp_path
     assert state(kb) == before
 
 
+@pytest.mark.slow
 def test_a_rebuild_that_fails_changes_nothing(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> None:
     ingest_logs(kb, [SAMPLES / "campaign"])
     update_statistics(kb)
@@ -262,6 +265,7 @@ def test_runs_without_executions_are_kept_and_teach_nothing(kb: KnowledgeBase) -
     assert [run.outcome for run in kb.runs()] == [""]
 
 
+@pytest.mark.slow
 def test_other_estimators_are_kept_until_another_is_asked_for(kb: KnowledgeBase) -> None:
     ingest(kb, frame_of_runs(range(5)))
     assert update_statistics(kb, "ols", "isolation-forest")

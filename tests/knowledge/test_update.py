@@ -43,6 +43,7 @@ def test_a_reader_never_sees_an_empty_or_mixed_statistic(where: str, tmp_path: P
     assert found["reads"] > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("meanwhile", [1, 2, 3, 9])
 def test_runs_that_come_while_statistics_are_made_are_in_them(where: str, meanwhile: int, tmp_path: Path) -> None:
     numbers = iter(range(2, 2 + meanwhile))
@@ -98,6 +99,7 @@ def test_withdrawing_and_undoing_gives_the_same_state(where: str) -> None:
         assert state(kb) == before
 
 
+@pytest.mark.slow
 def test_statistics_without_a_withdrawn_run_are_those_of_the_others(where: str, tmp_path: Path) -> None:
     derived = ("task_durations", "task_synergies", "task_times", "statistics", "statistics_runs")
     with open_knowledge(where, create=True) as kb, open_knowledge(tmp_path / "alone.sqlite", create=True) as alone:

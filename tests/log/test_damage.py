@@ -172,6 +172,7 @@ def test_a_flipped_bit_in_the_records_of_a_chunk_is_reported_as_corrupt_data(fin
     assert "chunk" in diagnostics[0].message
 
 
+@pytest.mark.slow
 def test_every_bit_of_the_head_of_a_chunk_may_flip_without_harm_to_the_others(journal: File, finished: File) -> None:
     for file in (journal, finished):
         begin, end = file.spans[9]

@@ -36,6 +36,7 @@ def _decode(messages: list[bytes], lead: bytes = b"") -> tuple[pl.DataFrame, lis
     return frame, good.tolist()
 
 
+@pytest.mark.slow
 @given(st.lists(ROWS, max_size=6), st.binary(max_size=9))
 def test_columns_give_any_rows_back_wherever_they_lie_in_the_buffer(rows: list[dict[str, Any]], lead: bytes) -> None:
     frame, good = _decode([encode_row(row) for row in rows], lead)
@@ -84,6 +85,7 @@ def test_a_nan_counts_as_unset_and_infinities_stay() -> None:
     assert frame.select("path_length", "planning_time_s", "planned_duration_s").rows() == [(None, math.inf, -math.inf)]
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(ROWS, st.none() | st.integers(0, 400)), min_size=1, max_size=5))
 def test_a_message_that_is_cut_short_is_left_out_and_the_others_are_decoded(
     messages: list[tuple[dict[str, Any], int | None]],

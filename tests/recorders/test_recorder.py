@@ -347,6 +347,7 @@ def test_a_place_that_cannot_be_written_is_said_so(tmp_path: Path, name: str) ->
 _NAMES = st.text(min_size=1, max_size=12).filter(str.strip)  # blank ones are refused
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(_NAMES, _NAMES, st.text(max_size=12))
 def test_any_text_may_be_a_name(tmp_path: Path, agent: str, task: str, run: str) -> None:

@@ -217,6 +217,7 @@ def test_every_law_holds_in_any_cell(scenario: Scenario, seed: int, index: int) 
     check_all(scenario, simulate_run(scenario, seed, index))
 
 
+@pytest.mark.slow
 @any_run
 def test_every_law_holds_in_the_scenarios_that_come_along(name: str) -> None:
     scenario = load_scenario(name)
@@ -278,6 +279,7 @@ def test_targets_are_taken_once_and_a_retry_keeps_its_own() -> None:
         assert all(e.target in scenario.problem.task(e.task).targets for e in ends)
 
 
+@pytest.mark.slow
 def test_failures_are_as_frequent_as_they_should_be_and_partial() -> None:
     scenario = load_scenario("failures")
     runs = [simulate_run(scenario, 1, index) for index in range(200)]

@@ -145,6 +145,7 @@ def test_the_papers_runs_have_24_executions_with_the_papers_counts() -> None:
         assert keys.count((agent, f"pick_{colour}_box")) == keys.count((agent, f"place_{colour}_box")) == count
 
 
+@pytest.mark.slow
 def test_plans_of_a_campaign_differ_until_there_are_no_more_then_come_again_in_a_new_order() -> None:
     plans = PlanSequence(PAPER, 1)
     orders = [str(plans[index].orders()) for index in range(3 * 225)]
