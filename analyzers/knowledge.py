@@ -131,7 +131,7 @@ def rebuild(
     lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
     if lost and loses_data(logs.diagnostics):
         raise KnowledgeError(
-            "the knowledge base",
+            kb.where,
             f"{len(lost)} of its runs are not in these logs, of which not all could be read; nothing was changed",
             "hrclog check tells what is wrong with them, leave out those that are beyond repair",
         )

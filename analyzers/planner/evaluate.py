@@ -123,7 +123,6 @@ class _Lanes:
         self._left = np.full((n_agents, lanes), np.inf)  # of the running item's work
         self._key = np.full((n_agents, lanes), self._idle, np.int64)  # what runs
         self._cost = np.zeros(lanes)
-        self._open = np.ones(lanes, np.bool_)
         self._starts = self._ends = None
         if timeline:
             self._starts, self._ends = (np.full(plans.task.size * worlds.count, np.nan) for _ in range(2))
@@ -155,10 +154,10 @@ class _Lanes:
             end = np.where(runs, self._now + self._left / rate, np.inf)
         event = np.where(runs, end, np.where(self._given, self._start, wake))
         then = event.min(axis=0)
-        self._open = np.isfinite(then)
-        if not self._open.any():
+        goes_on = np.isfinite(then)
+        if not goes_on.any():
             return False
-        then = np.where(self._open, then, self._now)
+        then = np.where(goes_on, then, self._now)
         spent = then - self._now
         if self._cost_of is not None:
             for a, b in self._pairs:

@@ -13,7 +13,7 @@ from hrclog.errors import ScenarioError
 from hrclog.knowledge.task_times import AgentTask, Floats, Gap, TaskTime, TaskTimes
 
 UNKNOWN_DEVIATION: Final = 0.5
-"""Prior standard deviation of a log factor that was never observed, that of the estimators."""
+"""Prior standard deviation of a log factor that was never observed: two in three factors within 0.6 and 1.65."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,7 +54,7 @@ class KnowledgeBase:
     def view(self) -> Iterator[View]:
         """Give one state to read from, whatever others write meanwhile."""
         with self._database.reading() as connection:
-            yield View(connection)
+            yield View(connection, self.where)
 
     def runs(self) -> list[RunEntry]:
         """Return all runs, withdrawn ones too, by (start_ns, run_id)."""

@@ -66,10 +66,12 @@ class View:
 
     Args:
         connection: in a transaction that sees one state.
+        where: the knowledge base, for messages.
     """
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: Connection, where: str = "the knowledge base") -> None:
         self._connection = connection
+        self._where = where
 
     def runs(self) -> list[RunEntry]:
         """Return all runs, withdrawn ones too, by (start_ns, run_id)."""
@@ -130,8 +132,8 @@ class View:
             return task_times_from_json(JsonRecord(record, "task_times", ("times", "gaps")))
         except (ValueError, KeyError, ScenarioError) as error:
             what = f"task_times hold what hrclog did not write ({error})"
-            remedy = "make it anew from the logs: hrclog kb rebuild LOG... --kb KB"
-            raise KnowledgeError("the knowledge base", what, remedy) from error
+            remedy = f"make it anew from the logs: hrclog kb rebuild LOG... --kb {self._where}"
+            raise KnowledgeError(self._where, what, remedy) from error
 
     def snapshots(self) -> dict[str, list[TaskProperties]]:
         """Return what runs declare of tasks, by the ids of the snapshots, sorted by name."""

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
+from contextlib import closing
 from pathlib import Path
 
 import psycopg
@@ -194,3 +195,15 @@ def test_what_can_only_be_read_is_read_and_not_written(tmp_path: Path) -> None:
     assert counts == "3 4 12"
     assert "it can only be read" in unwritten
     assert "it cannot be opened" in unmade
+
+
+def test_times_that_hrclog_did_not_write_are_told_with_the_file_and_the_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "kb.sqlite"
+    with open_knowledge(path, create=True) as kb:
+        ingest(kb, frame_of_runs(range(2)))
+        update_statistics(kb, "paper")
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("UPDATE task_times SET value = '{\"a\": 1}'")
+        connection.commit()
+    with open_knowledge(path) as kb, pytest.raises(KnowledgeError, match=r"kb\.sqlite.*hrclog kb rebuild"):
+        kb.times()
