@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
@@ -27,6 +27,9 @@ from hrclog.errors import HrclogError
 from hrclog.log.reader import Logs, read_logs
 from hrclog.log.recorded_scene import RecordedScene
 
+if TYPE_CHECKING:
+    from hrclog.analyzers.figures import CampaignFigures, RunFigures
+
 SCHEMA_VERSION: Final = 1
 DEFAULT_ESTIMATOR: Final = next(iter(ESTIMATORS))
 
@@ -46,7 +49,7 @@ class Analysis:
     metrics: pl.DataFrame
     diagnostics: list[Diagnostic]
     estimator: str
-    outliers: str
+    outliers: Outliers
     bootstrap: int  # draws of runs that errors and intervals of synergies come from; 0 if they are the estimator's
     observations: Observations
     fit: Fit
@@ -72,25 +75,41 @@ class Analysis:
         """Return `to_dict` as JSON text."""
         return json.dumps(self.to_dict(), ensure_ascii=False, indent=2, allow_nan=False)
 
-    def to_rerun(self, path: str | Path) -> None:
-        """Write the campaign's recording: matrices, synergies, durations, tables, laid out."""
-        from hrclog.analyzers.figures import campaign_figures
-        from hrclog.analyzers.rerun import save_campaign
+    def campaign_figures(self) -> CampaignFigures:
+        """Return everything drawable of all runs together."""
+        from hrclog.analyzers.figures import Further, campaign_figures
+        from hrclog.analyzers.plan_labels import plan_labels
+        from hrclog.analyzers.settling import settle, settle_durations
 
-        figures = campaign_figures(
-            self.intervals, self.pair_overlaps, self.durations, self.synergies, self.runs, self.diagnostics
+        final = None if self.bootstrap else self.synergies  # drawn intervals are of another kind than those before
+        settling = settle(
+            self.intervals, self.runs, self.estimator, self.outliers, observations=self.observations, final=final
         )
-        save_campaign(figures, Path(path))
+        further = Further(self.metrics, plan_labels(self.events), settling, settle_durations(self.intervals, self.runs))
+        return campaign_figures(
+            self.intervals, self.pair_overlaps, self.durations, self.synergies, self.runs, self.diagnostics, further
+        )
 
-    def run_to_rerun(self, run_id: str, path: str | Path) -> None:
-        """Write one run's recording: its cell, timeline, safety, signals and events, laid out."""
+    def run_figures(self, run_id: str) -> RunFigures:
+        """Return everything drawable of one run."""
         from hrclog.analyzers.figures import run_figures
-        from hrclog.analyzers.rerun import save_run
 
         run = self.runs.row(by_predicate=pl.col("run_id") == run_id, named=True)
         frames = (self.intervals, self.events, self.signals)
         intervals, events, signals = (frame.filter(pl.col("run_id") == run_id) for frame in frames)
-        save_run(run_figures(run, intervals, events, signals, self.scene.of_run(run_id)), Path(path))
+        return run_figures(run, intervals, events, signals, self.scene.of_run(run_id))
+
+    def to_rerun(self, path: str | Path) -> None:
+        """Write the campaign's recording: matrices, synergies, durations, tables, laid out."""
+        from hrclog.analyzers.rerun import save_campaign
+
+        save_campaign(self.campaign_figures(), Path(path))
+
+    def run_to_rerun(self, run_id: str, path: str | Path) -> None:
+        """Write one run's recording: its cell, timeline, safety, signals and events, laid out."""
+        from hrclog.analyzers.rerun import save_run
+
+        save_run(self.run_figures(run_id), Path(path))
 
 
 def analyze(

@@ -20,7 +20,7 @@ from hrclog.analyzers.schemas import METRICS
 from hrclog.analyzers.speed import SpeedProfile, speed_profiles
 
 MINIMUM_DISTANCE: Final = "min_distance"
-"""Name of the signal of the smallest distance between a human and a robot, m."""
+"""Name of the signal of the smallest distance between a human and a robot, m; "R/min_distance" is that of agent R."""
 
 Row = tuple[str, str, float]
 """(metric, key, value)."""
@@ -128,9 +128,15 @@ def _safety(agent: str, executions: pl.DataFrame, profile: SpeedProfile) -> Iter
 def _distances(signals: pl.DataFrame | None) -> dict[str, list[Row]]:
     if signals is None:
         return {}
+    own = pl.col("name") == MINIMUM_DISTANCE
     per_run = (
-        signals.filter((pl.col("name") == MINIMUM_DISTANCE) & pl.col("value").is_finite())
-        .group_by("run_id")
+        signals.filter((own | pl.col("name").str.ends_with(f"/{MINIMUM_DISTANCE}")) & pl.col("value").is_finite())
+        .group_by("run_id", "name")
         .agg(pl.col("value").min().alias("low"), pl.col("value").quantile(0.05, "linear").alias("p5"))
+        .sort("run_id", "name")
     )
-    return {run: [("min_distance_m", "", low), ("min_distance_p5_m", "", p5)] for run, low, p5 in per_run.iter_rows()}
+    found: dict[str, list[Row]] = {}
+    for run, name, low, p5 in per_run.iter_rows():
+        agent = name.removesuffix(MINIMUM_DISTANCE).removesuffix("/")
+        found.setdefault(run, []).extend([("min_distance_m", agent, low), ("min_distance_p5_m", agent, p5)])
+    return found

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import polars as pl
 
 from hrclog.analyzers.analysis import Analysis
@@ -32,12 +33,20 @@ TABLES: Final = (
     "metrics",
 )
 
+MOST_RECORDINGS: Final = 200
+"""How many runs get a recording of their own, unless it is asked otherwise."""
+
 _LONGEST_NAME: Final = 100  # bytes, of the 255 that file systems take
 _HASH_STEP: Final = 8
 
 
-def save(analysis: Analysis, folder: Path, on_step: Callable[[], None] = lambda: None) -> None:
-    """Write JSON, tables, the campaign's recording and one recording per run.
+def save(
+    analysis: Analysis,
+    folder: Path,
+    on_step: Callable[[], None] = lambda: None,
+    most_recordings: int | None = MOST_RECORDINGS,
+) -> None:
+    """Write JSON, tables, the campaign's recording and recordings of single runs.
 
     Recordings that an earlier analysis left in the same folder and that this one does not write are removed.
 
@@ -45,11 +54,13 @@ def save(analysis: Analysis, folder: Path, on_step: Callable[[], None] = lambda:
         analysis: what to write.
         folder: made where it is missing.
         on_step: called after each recording, for progress.
+        most_recordings: of single runs, None for all; beyond it those of `drawn_runs`.
 
     Raises:
         OutputError: the folder cannot be written.
     """
-    names = recording_names(analysis.runs)
+    drawn = set(drawn_runs(analysis.runs, most_recordings))
+    names = {run: name for run, name in recording_names(analysis.runs).items() if run in drawn}
     try:
         (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
         _remove_stale(folder, set(names.values()))
@@ -64,6 +75,19 @@ def save(analysis: Analysis, folder: Path, on_step: Callable[[], None] = lambda:
         (folder / JSON_NAME).write_text(analysis.to_json() + "\n", encoding="utf-8")
     except OSError as error:
         raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
+
+
+def drawn_runs(runs: pl.DataFrame, most: int | None) -> list[str]:
+    """Return the ids of the runs to draw: all, or `most` of them, evenly spread from the first to the last.
+
+    Args:
+        runs: a frame of schema `RUNS`.
+        most: how many, None for all.
+    """
+    ids: list[str] = runs["run_id"].to_list()
+    if most is None or len(ids) <= most:
+        return ids
+    return [ids[index] for index in np.linspace(0, len(ids) - 1, most).round().astype(int).tolist()]
 
 
 def check_writable(folder: Path) -> None:

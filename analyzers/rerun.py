@@ -7,7 +7,7 @@ Entities of a run are under /timeline (a lane per agent), /signals, /events, /ta
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,26 +16,22 @@ import polars as pl
 import pyarrow as pa
 import rerun as rr
 
+from hrclog.analyzers.drawing import Picture, pixels
 from hrclog.analyzers.figures.about import about_campaign, about_run
-from hrclog.analyzers.figures.boxplot_canvas import boxplot_canvas
+from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.campaign import CampaignFigures
-from hrclog.analyzers.figures.canvas import Canvas, Dot, Rect, Stroke
-from hrclog.analyzers.figures.coefficients_canvas import coefficients_canvas
 from hrclog.analyzers.figures.gantt import Lane, state_changes
-from hrclog.analyzers.figures.heatmap import Heatmap
-from hrclog.analyzers.figures.palette import Color
-from hrclog.analyzers.figures.raster import draw_heatmap
+from hrclog.analyzers.figures.palette import DARK, Color, Paint
+from hrclog.analyzers.figures.plot import Dot, Plot, Point, Rect, Steps, Stroke, page_plots
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.series import Series
 from hrclog.analyzers.figures.table import DataTable, markdown
 from hrclog.analyzers.figures.text import printable, shorten
 from hrclog.analyzers.rerun_cell import send_cell
 from hrclog.analyzers.rerun_layout import MAX_MARKDOWN_ROWS, campaign_blueprint, run_blueprint
-from hrclog.analyzers.rerun_recording import entity, freed_recordings, recording, times
+from hrclog.analyzers.rerun_recording import RUNS, entity, freed_recordings, recording, times
 
-RUN_APPLICATION: Final = "hrclog"
-CAMPAIGN_APPLICATION: Final = "hrclog-campaign"
-"""A blueprint belongs to an application: with one name the campaign's would be laid over every run opened beside it."""
+APPLICATION: Final = "hrclog"
 
 
 @freed_recordings()
@@ -45,19 +41,29 @@ def save_run(figures: RunFigures, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    with recording(RUN_APPLICATION, figures.run_id, figures.name, path, run_blueprint(figures)) as rec:
-        rec.send_recording_start_time_nanos(figures.origin_ns)
-        rec.send_property("run", _properties(figures.facts))
-        for lane in figures.gantt.lanes:
-            _send_lane(rec, lane)
-        for series in figures.series:
-            _send_series(rec, series)
-        _send_events(rec, figures)
-        if figures.tasks.times_ns is not None:
-            _send_rows(rec, "/tasks/rows", times(figures.tasks.times_ns), figures.tasks.frame)
-        _send_text(rec, "/tasks/text", markdown(figures.tasks, MAX_MARKDOWN_ROWS))
-        left_out = send_cell(rec, figures.cell) if figures.cell is not None else []
-        _send_text(rec, "/about", about_run(figures, left_out))
+    with recording(run_application(figures), figures.run_id, figures.name, path, run_blueprint(figures)) as rec:
+        send_run(rec, figures)
+
+
+def run_application(figures: RunFigures) -> str:
+    """Return the application of a run's recording: a layout belongs to one, and runs differ in length and lanes."""
+    return f"{APPLICATION} {printable(figures.name)}"
+
+
+def send_run(rec: rr.RecordingStream, figures: RunFigures) -> None:
+    """Send everything of a run to its recording."""
+    rec.send_recording_start_time_nanos(figures.origin_ns)
+    rec.send_property("run", _properties(figures.facts))
+    for lane in figures.gantt.lanes:
+        _send_lane(rec, lane)
+    for series in figures.series:
+        _send_series(rec, series)
+    _send_events(rec, figures)
+    if figures.tasks.times_ns is not None:
+        _send_rows(rec, "/tasks/rows", times(figures.tasks.times_ns), figures.tasks.frame)
+    _send_text(rec, "/tasks/text", markdown(figures.tasks, MAX_MARKDOWN_ROWS))
+    left_out = send_cell(rec, figures.cell) if figures.cell is not None else []
+    _send_text(rec, "/about", about_run(figures, left_out))
 
 
 @freed_recordings()
@@ -67,50 +73,39 @@ def save_campaign(figures: CampaignFigures, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    pictures = _pictures(figures)
-    blueprint = campaign_blueprint(figures, pictures)
-    with recording(CAMPAIGN_APPLICATION, figures.campaign_id, figures.name, path, blueprint) as rec:
-        rec.send_property("campaign", _properties(figures.facts))
-        for picture, canvas in pictures.items():
-            _send_canvas(rec, f"{picture}/picture", canvas)
-        for kind, heatmap in _heatmaps(figures):
-            tensor = rr.Tensor(heatmap.values, dim_names=("task", "other task"))
-            rec.log(f"{_pair_path(kind, heatmap.agents)}/values", tensor, static=True, strict=True)
-        for table in figures.tables:
-            _send_table(rec, table)
-        _send_text(rec, "/about", about_campaign(figures))
+    pictures = campaign_pictures(figures)
+    layout = campaign_blueprint(figures, pictures)
+    with recording(f"{APPLICATION} campaign", figures.campaign_id, figures.name, path, layout) as rec:
+        send_campaign(rec, figures, pictures)
 
 
-def _pictures(figures: CampaignFigures) -> dict[str, Canvas]:
-    heatmaps = {
-        _pair_path(kind, one.agents): Canvas(_while(one.agents), draw_heatmap(one)) for kind, one in _heatmaps(figures)
-    }
-    coefficients = {_pair_path("coefficients", one.agents): coefficients_canvas(one) for one in figures.coefficients}
-    durations = {entity("durations", one.agent or "all"): boxplot_canvas(one) for one in figures.durations}
-    return heatmaps | coefficients | durations
+Pictures = Mapping[tuple[str, ...], Picture]
+"""Drawn plots by their path; of steps, the last."""
 
 
-def _while(agents: tuple[str, str]) -> str:
-    return f"{shorten(agents[0], 28)} while {shorten(agents[1], 28)} works"
+def campaign_pictures(figures: CampaignFigures) -> Pictures:
+    """Draw every plot of a campaign once."""
+    return {plot.path: pixels(plot) for page in figures.pages for plot in page_plots(page)}
 
 
-# entities
+def send_campaign(rec: rr.RecordingStream, figures: CampaignFigures, pictures: Pictures) -> None:
+    """Send everything of a campaign to its recording."""
+    rec.send_property("campaign", _properties(figures.facts))
+    for page in figures.pages:
+        for plot in page.plots:
+            _send_plot(rec, plot, pictures[plot.path])
+        for steps in page.steps:
+            _send_steps(rec, steps, pictures[steps.plots[-1].path])
+    for matrix in figures.matrices:
+        tensor = rr.Tensor(matrix.heatmap.values, dim_names=("task", "other task"))
+        rec.log(f"{entity(*matrix.path)}/values", tensor, static=True, strict=True)
+    for table in figures.tables:
+        _send_table(rec, table)
+    _send_text(rec, "/about", about_campaign(figures))
 
 
 def _lane_path(lane: Lane) -> str:
     return entity("timeline", lane.agent, f"{lane.kind}_{lane.number + 1}" if lane.number else lane.kind)
-
-
-def _pair_path(kind: str, agents: tuple[str, str]) -> str:
-    return entity(*kind.split("/"), *agents)
-
-
-def _heatmaps(figures: CampaignFigures) -> list[tuple[str, Heatmap]]:
-    pairs = [(f"overlap/{kind}", one) for two in figures.overlaps for kind, one in zip(_OVERLAPS, two, strict=True)]
-    return [("synergy", heatmap) for heatmap in figures.synergies] + pairs
-
-
-_OVERLAPS: Final = ("seconds", "ratio")
 
 
 # columns
@@ -165,33 +160,55 @@ def _arrow(column: pl.Series) -> pa.Array:
     return column.to_arrow().cast(pa.string()) if column.dtype == pl.String else column.to_arrow()
 
 
-def _send_canvas(rec: rr.RecordingStream, path: str, canvas: Canvas) -> None:
-    rec.log(path, rr.Image(canvas.backdrop, magnification_filter="Linear"), static=True, strict=True)
-    if canvas.rects:
-        rects = canvas.rects
-        lows, highs = np.array([rect.low for rect in rects]), np.array([rect.high for rect in rects])
-        shapes = rr.Boxes2D(mins=lows, sizes=highs - lows, radii=1.0, **_looks(rects))
+def _send_plot(rec: rr.RecordingStream, plot: Plot, picture: Picture) -> None:
+    path = f"{entity(*plot.path)}/picture"
+    rec.log(path, _image(picture), static=True, strict=True)
+
+    def at(points: Iterable[Point]) -> FloatArray:
+        return np.array([picture.at(plot, point) for point in points])
+
+    if rects := [rect for rect in plot.rects if rect.label]:
+        one, other = at(rect.low for rect in rects), at(rect.high for rect in rects)
+        lows, highs = np.minimum(one, other), np.maximum(one, other)
+        shapes = rr.Boxes2D(mins=lows, sizes=highs - lows, radii=0.5, **_looks(rects))
         rec.log(f"{path}/boxes", shapes, static=True, strict=True)
-    if canvas.strokes:
-        strips = [stroke.points for stroke in canvas.strokes]
-        radii = [stroke.width / 2 for stroke in canvas.strokes]
-        rec.log(
-            f"{path}/lines", rr.LineStrips2D(strips, radii=radii, **_looks(canvas.strokes)), static=True, strict=True
-        )
-    if canvas.dots:
-        centers, radii = [dot.center for dot in canvas.dots], [dot.radius for dot in canvas.dots]
-        rec.log(f"{path}/points", rr.Points2D(centers, radii=radii, **_looks(canvas.dots)), static=True, strict=True)
+    if strokes := [stroke for stroke in plot.strokes if stroke.label and not stroke.step]:
+        strips = [at(stroke.points) for stroke in strokes]
+        radii = [stroke.width / 2 for stroke in strokes]
+        lines = rr.LineStrips2D(strips, radii=radii, **_looks(strokes))
+        rec.log(f"{path}/lines", lines, static=True, strict=True)
+    if dots := [dot for dot in plot.dots if dot.label]:
+        radii = [dot.radius for dot in dots]
+        points = rr.Points2D(at(dot.at for dot in dots), radii=radii, **_looks(dots))
+        rec.log(f"{path}/points", points, static=True, strict=True)
+
+
+def _send_steps(rec: rr.RecordingStream, steps: Steps, last: Picture) -> None:
+    pictures = [*(pixels(plot) for plot in steps.plots[:-1]), last]
+    path = f"{entity(*steps.plots[-1].path)}/picture"
+    for number, picture in zip(steps.numbers, pictures, strict=True):
+        rec.set_time(RUNS, sequence=number)
+        rec.log(path, _image(picture), strict=True)
+    rec.reset_time()
+
+
+def _image(picture: Picture) -> rr.Image:
+    return rr.Image(picture.pixels, magnification_filter="Linear")
 
 
 def _send_text(rec: rr.RecordingStream, path: str, text: str) -> None:
     rec.log(path, rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
 
 
-def _rgba(colors: Iterable[Color]) -> np.typing.NDArray[np.uint8]:
-    return np.array([(*color, 255) for color in colors], np.uint8)
+def _rgba(paints: Iterable[Paint]) -> np.typing.NDArray[np.uint8]:
+    return np.array([(*_color(paint), 255) for paint in paints], np.uint8)
+
+
+def _color(paint: Paint) -> Color:
+    return DARK[paint] if isinstance(paint, str) else paint
 
 
 def _looks(shapes: Sequence[Rect] | Sequence[Stroke] | Sequence[Dot]) -> dict[str, Any]:
     """Return colours and labels of shapes; the labels show when a shape is pointed at."""
     labels = [printable(shape.label) for shape in shapes]
-    return {"colors": _rgba(shape.color for shape in shapes), "labels": labels, "show_labels": False}
+    return {"colors": _rgba(shape.paint for shape in shapes), "labels": labels, "show_labels": False}

@@ -64,7 +64,7 @@ def cell_view(cell: CellFigure) -> rrb.View:
     )
 
 
-_EYE: Final = np.array([-1.35, 1.3, 1.7])
+_EYE: Final = np.array([-1.2, 1.15, 1.5])
 
 
 def _boxes(boxes: Iterable[Box]) -> rr.Boxes3D:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Final
 
 import rerun as rr
@@ -10,15 +10,16 @@ import rerun.blueprint as rrb
 from rerun.blueprint import archetypes as rrba
 from rerun.blueprint import encodings as rrbe
 
+from hrclog.analyzers.drawing import Picture
 from hrclog.analyzers.figures.campaign import CampaignFigures
-from hrclog.analyzers.figures.canvas import Canvas
 from hrclog.analyzers.figures.gantt import Gantt
 from hrclog.analyzers.figures.palette import CARD
+from hrclog.analyzers.figures.plot import Page, Plot, page_plots
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.rerun_cell import cell_view
-from hrclog.analyzers.rerun_recording import TIMELINE, Layout, entity
+from hrclog.analyzers.rerun_recording import RUNS, TIMELINE, Layout, entity
 
 MAX_MARKDOWN_ROWS: Final = 100
 
@@ -33,7 +34,8 @@ def run_blueprint(figures: RunFigures) -> Layout:
     if len(lines) > _SERIES_ROWS:
         lines[_SERIES_ROWS - 1 :] = [rrb.Tabs(*lines[_SERIES_ROWS - 1 :])]
     below = rrb.Horizontal(rrb.Tabs(_events_view(), about), rrb.Tabs(*_task_views(figures.tasks)))
-    timeline = rrb.StateTimelineView(origin="/timeline", name="Timeline", time_view=_time_axis(figures.gantt))
+    gutter = 0.0 if not lines else _GUTTER if figures.cell is None else _NARROW_GUTTER
+    timeline = rrb.StateTimelineView(origin="/timeline", name="Timeline", time_view=_time_axis(figures.gantt, gutter))
     heights = [_timeline_height(figures.gantt), *[_SERIES_HEIGHT] * len(lines), _BELOW_HEIGHT]
     panel = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
     rows = rrb.Vertical(timeline, *lines, below, row_shares=heights)
@@ -42,11 +44,14 @@ def run_blueprint(figures: RunFigures) -> Layout:
     return _blueprint(rrb.Horizontal(cell_view(figures.cell), rows, column_shares=_CELL_SHARES), panel)
 
 
-_SERIES_ROWS: Final = 2
+_SERIES_ROWS: Final = 3
+# shares of the width that the y axis of lines takes in a window of middling width: lanes leave it too, and line up
+_GUTTER: Final = 0.011
+_NARROW_GUTTER: Final = 0.017
 _CELL_SHARES: Final = (2, 3)
 # shares of the window's height, thought of as px in a window of about 1000
-_SERIES_HEIGHT: Final = 130
-_BELOW_HEIGHT: Final = 270
+_SERIES_HEIGHT: Final = 115
+_BELOW_HEIGHT: Final = 220
 
 
 def _timeline_height(gantt: Gantt) -> int:
@@ -81,48 +86,40 @@ def _task_views(table: DataTable) -> list[rrb.View]:
     return [text, rows] if table.frame.height <= MAX_MARKDOWN_ROWS else [rows]
 
 
-def _time_axis(gantt: Gantt) -> rrba.TimeAxis:
-    margin = max((gantt.end_ns - gantt.start_ns) // 100, 1)
+def _time_axis(gantt: Gantt, gutter: float = 0.0) -> rrba.TimeAxis:
+    """Return the time that is in view; the lanes' view leaves a gutter where the lines' views have their y axis."""
+    length = gantt.end_ns - gantt.start_ns
+    margin = max(length // 100, 1)
     bound = rr.TimeRangeBoundary.absolute
     # a linked axis would ignore the range and open at +-30 s
     return rrba.TimeAxis(
-        view_range=rr.TimeRange(start=bound(seq=gantt.start_ns - margin), end=bound(seq=gantt.end_ns + margin))
+        view_range=rr.TimeRange(
+            start=bound(seq=gantt.start_ns - margin - round(gutter * length)), end=bound(seq=gantt.end_ns + margin)
+        )
     )
 
 
-def campaign_blueprint(figures: CampaignFigures, pictures: dict[str, Canvas]) -> Layout:
-    """Return the layout of a campaign's recording; `pictures` are by the path of their entity."""
-    pages = [
-        _page(name, [(path, pictures[path]) for path in pictures if path.startswith(root)]) for name, root in _PAGES
-    ]
+def campaign_blueprint(figures: CampaignFigures, pictures: Mapping[tuple[str, ...], Picture]) -> Layout:
+    """Return the layout of a campaign's recording; `pictures` are by the path of their plot."""
+    pages = [_page(page, pictures) for page in figures.pages]
     tables = rrb.Tabs(*[_table_view(table) for table in figures.tables], name="Tables")
     about = rrb.TextDocumentView(origin="/about", name="About")
-    drawn = [page for page in pages if page is not None]
-    return _blueprint(rrb.Tabs(*drawn, tables, about, active_tab=0), rrb.TimePanel(state="hidden"))
+    steps = any(page.steps for page in figures.pages)
+    shown = rrb.TimePanel(state="collapsed", timeline=RUNS, play_state="paused")
+    panel = shown if steps else rrb.TimePanel(state="hidden")
+    return _blueprint(rrb.Tabs(*pages, tables, about, active_tab=0), panel)
 
 
-_PAGES: Final = (
-    ("Synergy", "/synergy/"),
-    ("Coefficients", "/coefficients/"),
-    ("Overlap, seconds", "/overlap/seconds/"),
-    ("Overlap, share", "/overlap/ratio/"),
-    ("Durations", "/durations/"),
-)
+def _page(page: Page, pictures: Mapping[tuple[str, ...], Picture]) -> rrb.Container:
+    views = [_picture_view(plot, pictures[plot.path]) for plot in page_plots(page)]
+    return rrb.Horizontal(*views, name=page.name) if len(views) <= 2 else rrb.Tabs(*views, name=page.name)
 
 
-def _page(name: str, pictures: Sequence[tuple[str, Canvas]]) -> rrb.Container | None:
-    views = [_picture_view(path, canvas) for path, canvas in pictures]
-    if not views:
-        return None
-    return rrb.Horizontal(*views, name=name) if len(views) <= 2 else rrb.Tabs(*views, name=name)
-
-
-def _picture_view(path: str, canvas: Canvas) -> rrb.View:
-    height, width = canvas.backdrop.shape[:2]
+def _picture_view(plot: Plot, picture: Picture) -> rrb.View:
+    height, width = picture.pixels.shape[:2]
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
-    return rrb.Spatial2DView(
-        origin=f"{path}/picture", name=shorten(canvas.name, 60), background=CARD, visual_bounds=bounds
-    )
+    origin = f"{entity(*plot.path)}/picture"
+    return rrb.Spatial2DView(origin=origin, name=shorten(plot.title, 60), background=CARD, visual_bounds=bounds)
 
 
 def _table_view(table: DataTable) -> rrb.View:

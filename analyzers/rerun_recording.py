@@ -23,6 +23,9 @@ except ImportError:  # it is not public
 
 
 TIMELINE: Final = "run_time"
+"""Of a run: since its first event."""
+RUNS: Final = "runs"
+"""Of a campaign: how many of its runs have been counted."""
 
 
 class Layout(rrb.Blueprint):
@@ -74,7 +77,8 @@ def recording(
     # Rerun's own writer does not report a full disk, and now and then waits for it for ever
     memory = rec.memory_recording()
     try:
-        rec.send_blueprint(layout, make_active=False)
+        # a default layout is not applied to what a web viewer is served
+        rec.send_blueprint(layout, make_active=True)
         layout.close()
         rec.send_recording_name(name)
         yield rec

@@ -157,3 +157,28 @@ CRITICAL_PATH: Final = pl.Schema(
 
 SIGNALS: Final = pl.Schema({"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64, "value": pl.Float64})
 """One row per sample; joint states are named "agent/joint"."""
+
+SETTLING: Final = pl.Schema({"runs": pl.Int64()} | dict(SYNERGIES))  # of the first so many runs, in order of time
+"""One row per number of runs and ordered pair of tasks of different agents, as in `SYNERGIES`."""
+
+SETTLING_DURATIONS: Final = pl.Schema(
+    {
+        "runs": pl.Int64,  # of the first so many runs, in order of time
+        "agent": pl.String,
+        "task": pl.String,
+        "count": pl.Int64,  # executions that succeeded
+        "mean_s": pl.Float64,
+        "mean_low_s": pl.Float64,  # Student 95 %, null below two executions
+        "mean_high_s": pl.Float64,
+    }
+)
+"""One row per number of runs and (agent, task) with a primary execution."""
+
+PLAN_LABELS: Final = pl.Schema(
+    {
+        "run_id": pl.String,
+        "plan": pl.String,  # equal for runs of the same plan, "" where the log does not say
+        "planner": pl.String,  # what made the plan, "" where the log does not say
+    }
+)
+"""One row per run, ordered by run_id."""

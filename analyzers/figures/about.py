@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from hrclog.analyzers.figures.campaign import CampaignFigures
+from hrclog.analyzers.figures.plot import page_plots
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.table import number
 from hrclog.analyzers.figures.text import markdown_escape
@@ -19,12 +20,6 @@ _RUN_LEGEND: Final = (
 _CELL_LEGEND: Final = (
     "Cell: a floor area is grey, and lit orange or vermilion while the robot is slowed down or stopped because of it.",
 )
-_CAMPAIGN_LEGEND: Final = (
-    "Synergy: factor on a task's duration while another agent is at one of its own; above 1 it takes longer.",
-    "Coefficients: the synergies again, with their 95 % intervals, largest first.",
-    "Overlap: time in which two tasks ran at once, in seconds and as a share of the row's task.",
-    "Durations: of executions that succeeded, by agent and task.",
-)
 
 
 def about_run(figures: RunFigures, left_out: Sequence[str] = ()) -> str:
@@ -35,7 +30,9 @@ def about_run(figures: RunFigures, left_out: Sequence[str] = ()) -> str:
 
 def about_campaign(figures: CampaignFigures) -> str:
     """Return the markdown page of a campaign."""
-    return _page(figures.name, _table(figures.facts), _CAMPAIGN_LEGEND, figures.captions)
+    readings = {plot.reading: page.name for page in reversed(figures.pages) for plot in page_plots(page)}
+    legend = [f"{name}: {reading}" for reading, name in reversed(readings.items())]
+    return _page(figures.name, _table(figures.facts), legend, figures.captions)
 
 
 def _page(name: str, facts: Sequence[str], legend: Sequence[str], left_out: Sequence[str]) -> str:

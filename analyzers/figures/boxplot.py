@@ -18,8 +18,9 @@ MAX_OUTLIERS: Final = 40
 _REACH: Final = 1.5
 
 HOW_TO_READ: Final = (
-    "Box: quartiles and median; whiskers: 1.5 times the box; dots: outliers; white circle: mean; "
-    "in brackets: executions."
+    "Half of a task's executions lie in its box, the line is their median; whiskers reach to 1.5 times the box, dots "
+    "are outliers. A mean (white circle) far from the median says that a few executions took very long. In brackets: "
+    "how many executions."
 )
 
 
@@ -45,6 +46,7 @@ class BoxPlot:
 
     agent: str
     title: str
+    reading: str
     boxes: tuple[Box, ...]
     captions: tuple[str, ...] = ()
 
@@ -73,7 +75,7 @@ def duration_boxes(intervals: pl.DataFrame, max_boxes: int = MAX_BOXES) -> list[
 
 
 def _plot(agent: str, samples: pl.DataFrame, max_boxes: int) -> BoxPlot:
-    captions = [HOW_TO_READ]
+    captions = []
     if samples.height > max_boxes:
         captions.append(f"{max_boxes} of {samples.height} tasks are drawn, those executed most often.")
         samples = samples.sort("n", descending=True, maintain_order=True).head(max_boxes).sort("agent", "task")
@@ -82,7 +84,7 @@ def _plot(agent: str, samples: pl.DataFrame, max_boxes: int) -> BoxPlot:
     if hidden:
         captions.append(f"{hidden:,} outliers are not drawn: at most {MAX_OUTLIERS} per task, the extreme ones.")
     title = "Durations of tasks that succeeded" + (f": {shorten(agent, 40)}" if agent else "")
-    return BoxPlot(agent, title, tuple(box for box, _ in boxes), tuple(captions))
+    return BoxPlot(agent, title, HOW_TO_READ, tuple(box for box, _ in boxes), tuple(captions))
 
 
 def _box(agent: str, task: str, sample: FloatArray) -> tuple[Box, int]:

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.figures.boxplot import BoxPlot, duration_boxes
-from hrclog.analyzers.figures.coefficients import Coefficients, synergy_coefficients
+from hrclog.analyzers.figures.boxplot import duration_boxes
+from hrclog.analyzers.figures.boxplot_plot import boxplot_plot
+from hrclog.analyzers.figures.coefficients import synergy_coefficients
+from hrclog.analyzers.figures.coefficients_plot import coefficients_plot
+from hrclog.analyzers.figures.fluency import fluency_plots
 from hrclog.analyzers.figures.heatmap import Heatmap
+from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
+from hrclog.analyzers.figures.makespans import makespan_plot
 from hrclog.analyzers.figures.overlap_matrix import overlap_matrices
+from hrclog.analyzers.figures.plot import Page
+from hrclog.analyzers.figures.settling import duration_curves, settling_curves, settling_heatmaps
 from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
 from hrclog.analyzers.figures.table import DataTable
+from hrclog.analyzers.schemas import METRICS, PLAN_LABELS, SETTLING, SETTLING_DURATIONS
 from hrclog.diagnostic import Diagnostic
 
 MAX_AGENT_PAIRS: Final = 12
@@ -30,15 +38,31 @@ _FITS: Final = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Matrix:
+    """The values of a heatmap on a page, under the same path."""
+
+    path: tuple[str, ...]
+    heatmap: Heatmap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Further:
+    """What else a campaign may show: frames of the schemas that their names say."""
+
+    metrics: pl.DataFrame = field(default_factory=METRICS.to_frame)
+    plan_labels: pl.DataFrame = field(default_factory=PLAN_LABELS.to_frame)
+    settling: pl.DataFrame = field(default_factory=SETTLING.to_frame)
+    settling_durations: pl.DataFrame = field(default_factory=SETTLING_DURATIONS.to_frame)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CampaignFigures:
-    """The pictures of a campaign; one entry per ordered pair of agents in overlaps, synergies and coefficients."""
+    """The pictures of a campaign: pages to look at, matrices and tables to read back."""
 
     campaign_id: str
     name: str
-    synergies: tuple[Heatmap, ...]
-    coefficients: tuple[Coefficients, ...]
-    overlaps: tuple[tuple[Heatmap, Heatmap], ...]
-    durations: tuple[BoxPlot, ...]
+    pages: tuple[Page, ...]
+    matrices: tuple[Matrix, ...]
     tables: tuple[DataTable, ...]
     facts: tuple[tuple[str, str | int | float], ...] = ()
     captions: tuple[str, ...] = ()
@@ -51,6 +75,7 @@ def campaign_figures(
     synergies: pl.DataFrame,
     runs: pl.DataFrame,
     diagnostics: Sequence[Diagnostic],
+    further: Further | None = None,
 ) -> CampaignFigures:
     """Return the figures of a campaign.
 
@@ -61,21 +86,55 @@ def campaign_figures(
         synergies: `SYNERGIES`.
         runs: `RUNS`.
         diagnostics: what was remarkable about the logs.
+        further: what else there is to draw.
     """
+    further = further or Further()
     kept_overlaps, left_out = _first_pairs(pair_overlaps)
     kept_synergies, _ = _first_pairs(synergies)
+    synergy, seconds, ratio = _matrices(kept_overlaps, kept_synergies)
+    coefficients = [
+        coefficients_plot(one, ("coefficients", *one.agents)) for one in synergy_coefficients(kept_synergies)
+    ]
+    boxes = [boxplot_plot(one, ("durations", one.agent or "all")) for one in duration_boxes(intervals)]
+    pages = (
+        _heatmap_page("Synergy", synergy),
+        Page("Coefficients", tuple(coefficients)),
+        _heatmap_page("Overlap, seconds", seconds),
+        _heatmap_page("Overlap, share", ratio),
+        Page("Durations", tuple(boxes)),
+        Page("Makespans", tuple(makespan_plot(runs, further.plan_labels))),
+        Page("Fluency", tuple(fluency_plots(further.metrics, dict(runs.select("run_id", "name").iter_rows())))),
+        *_settling_pages(further),
+    )
     alone = () if pair_overlaps.height else ("No two agents have tasks to compare: no overlaps, no synergies.",)
     return CampaignFigures(
         campaign_id=_campaign_id(runs),
         name=f"campaign of {runs.height:,} run{'' if runs.height == 1 else 's'}",
-        synergies=tuple(synergy_heatmaps(kept_synergies)),
-        coefficients=tuple(synergy_coefficients(kept_synergies)),
-        overlaps=tuple(overlap_matrices(kept_overlaps)),
-        durations=tuple(duration_boxes(intervals)),
+        pages=tuple(page for page in pages if page.plots or page.steps),
+        matrices=(*synergy, *seconds, *ratio),
         tables=_tables(durations, synergies, runs, diagnostics),
         facts=_facts(intervals, synergies, runs),
         captions=(*alone, *left_out),
     )
+
+
+def _matrices(pair_overlaps: pl.DataFrame, synergies: pl.DataFrame) -> tuple[list[Matrix], list[Matrix], list[Matrix]]:
+    """Return the matrices of synergies, of seconds together and of shares of tasks."""
+    found = [Matrix(("synergy", *one.agents), one) for one in synergy_heatmaps(synergies)]
+    both = overlap_matrices(pair_overlaps)
+    seconds = [Matrix(("overlap", "seconds", *one.agents), one) for one, _ in both]
+    return found, seconds, [Matrix(("overlap", "ratio", *one.agents), one) for _, one in both]
+
+
+def _settling_pages(further: Further) -> tuple[Page, Page]:
+    """Return how estimates settled as runs came in: curves, and the synergies after so many runs."""
+    settling, _ = _first_pairs(further.settling)
+    curves = (*settling_curves(settling), *duration_curves(further.settling_durations))
+    return Page("Settling", curves), Page("Synergy over runs", steps=tuple(settling_heatmaps(settling)))
+
+
+def _heatmap_page(name: str, matrices: Sequence[Matrix]) -> Page:
+    return Page(name, tuple(heatmap_plot(one.heatmap, one.path) for one in matrices))
 
 
 def _first_pairs(frame: pl.DataFrame) -> tuple[pl.DataFrame, tuple[str, ...]]:

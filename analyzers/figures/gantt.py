@@ -56,11 +56,12 @@ class Lane:
 
 @dataclass(frozen=True, slots=True)
 class Gantt:
-    """The lanes of one run, agents in order, from `start_ns` to `end_ns`."""
+    """The lanes of one run, agents in order, from `start_ns` to `end_ns`; tasks with their colours, sorted by name."""
 
     lanes: tuple[Lane, ...]
     start_ns: int
     end_ns: int
+    tasks: tuple[tuple[str, Color], ...] = ()
 
 
 def execution_lanes(
@@ -95,6 +96,11 @@ def limited(lanes: Sequence[Lane], max_lanes: int = MAX_LANES) -> tuple[tuple[La
     if instants:
         captions.append(f"{instants} executions without length are listed in the tables but have no bar to see.")
     return shown, tuple(captions)
+
+
+def legend(intervals: pl.DataFrame) -> tuple[tuple[str, Color], ...]:
+    """Return the tasks of a run with the colours of their bars, sorted by name."""
+    return tuple((shorten(task, LABEL_WIDTH), color) for task, color in task_colors(intervals["task"]).items())
 
 
 def state_changes(lane: Lane) -> tuple[list[int], list[str]]:

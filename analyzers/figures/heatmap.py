@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.figures.arrays import BoolArray, FloatArray
-from hrclog.analyzers.figures.palette import UNOBSERVED, Color, diverging, sequential
+from hrclog.analyzers.figures.palette import Paint, diverging, sequential
 
 MAX_SIDE: Final = 40
 _WIDEST: Final = 4.0
@@ -22,12 +22,16 @@ Scale = Literal["diverging", "sequential"]
 class Heatmap:
     """Values of shape (rows, columns) under a title; NaN is unobserved and never drawn as a number.
 
+    `reading` says how to read it, `unit` what its values are.
+
     `low` and `high` (the ends of an interval, NaN where unknown), `counts` and `doubtful` (cells to be marked) have the
     same shape or are None. A diverging scale is centred on 1 and logarithmic, a sequential one begins at 0.
     """
 
     agents: tuple[str, str]
     title: str
+    reading: str
+    unit: str
     row_title: str
     column_title: str
     rows: tuple[str, ...]
@@ -52,10 +56,10 @@ class Heatmap:
             return float(known.max(initial=0.0)) or 1.0
         return float(np.exp(min(np.abs(np.log(known)).max(initial=np.log(1.25)), np.log(_WIDEST))))
 
-    def color(self, value: float) -> Color:
+    def paint(self, value: float) -> Paint:
         """Return the fill of a value; grey where it is NaN."""
         if not np.isfinite(value):
-            return UNOBSERVED
+            return "unobserved"
         if self.scale == "sequential":
             return sequential(value / self.limit)
         return diverging(float(np.log(value) / np.log(self.limit)) if value > 0 else -1.0)

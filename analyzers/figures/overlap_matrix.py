@@ -28,6 +28,8 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> tuple[Heatmap, Heatma
     empty = Heatmap(
         agents=agents,
         title="",
+        reading="",
+        unit="",
         row_title=f"task of {agent}",
         column_title=f"while {other} does",
         rows=drawn.rows,
@@ -35,18 +37,21 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> tuple[Heatmap, Heatma
         values=np.empty((0, 0)),
         scale="sequential",
         counts=matrix(cells, "n", drawn),
+        captions=drawn.captions,
     )
     seconds = replace(
         empty,
         title=f"Overlap: {agent} with {other}, total seconds",
         values=matrix(cells, "overlap_s", drawn),
+        reading="Seconds in which both tasks ran at once, over all runs; n counts pairs of executions that overlapped.",
+        unit="seconds together",
         digits=1,
-        captions=("n counts pairs of executions that overlap.", *drawn.captions),
     )
     ratio = replace(
         empty,
         title=f"Overlap: {agent} with {other}, mean share of the row's task",
         values=matrix(cells, "mean_ratio", drawn),
-        captions=("Mean over all executions of the row's task, zeros included.", *drawn.captions),
+        reading="How much of the row's task ran beside the column's: the mean over all its executions, zeros included.",
+        unit="share of the row's task",
     )
     return seconds, ratio

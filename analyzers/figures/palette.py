@@ -1,13 +1,18 @@
-"""Colours that colour-blind eyes tell apart, on a card of our own: the same on dark and on light pages."""
+"""Colours that colour-blind eyes tell apart; those of data are the same on dark and on light ground."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import Final
+from typing import Final, Literal
 
 Color = tuple[int, int, int]
+
+Role = Literal["card", "ink", "muted", "grid", "unobserved"]
+"""A colour that depends on the theme: ground, text, lesser text, lines, and a cell without a value."""
+
+Paint = Color | Role
 
 CARD: Final[Color] = (22, 25, 29)
 INK: Final[Color] = (226, 230, 235)
@@ -15,6 +20,21 @@ MUTED: Final[Color] = (139, 147, 158)
 GRID: Final[Color] = (54, 60, 68)
 UNOBSERVED: Final[Color] = (62, 68, 76)
 WHITE: Final[Color] = (255, 255, 255)
+
+DARK: Final[Mapping[Role, Color]] = {
+    "card": CARD,
+    "ink": INK,
+    "muted": MUTED,
+    "grid": GRID,
+    "unobserved": UNOBSERVED,
+}
+LIGHT: Final[Mapping[Role, Color]] = {
+    "card": (255, 255, 255),
+    "ink": (31, 35, 40),
+    "muted": (97, 105, 115),
+    "grid": (220, 224, 229),
+    "unobserved": (222, 225, 229),
+}
 
 FAILED: Final[Color] = (213, 94, 0)
 PAUSED: Final[Color] = (112, 118, 128)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -10,7 +10,7 @@ import polars as pl
 
 from hrclog.analyzers.figures.cell import CellFigure, cell_figure
 from hrclog.analyzers.figures.events import EventLines, event_lines, pauses, safety_lanes
-from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, limited
+from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, legend, limited
 from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.log.recorded_scene import RunScene
@@ -55,9 +55,8 @@ def run_figures(
     signal_lines, left_out = signal_series(signals, origin, scene.descriptions if scene is not None else ())
     overlap_lines, pairs_left_out = overlaps_so_far(intervals, origin)
     lines = event_lines(events, origin)
-    starts = [bar.start_ns for lane in lanes for bar in lane.bars]
-    ends = [bar.end_ns for lane in lanes for bar in lane.bars]
-    gantt = Gantt(lanes, min([0, *starts]), max([end - origin, *ends]))
+    start_ns, end_ns, outside = _in_view(lanes, end - origin)
+    gantt = Gantt(lanes, start_ns, end_ns, legend(intervals))
     cell = cell_figure(scene, events, signals, origin, gantt.start_ns) if scene is not None else None
     series = [*speed_scales(events, origin, end), *signal_lines, *overlap_lines]
     captions += cell.captions if cell is not None else ()
@@ -70,7 +69,7 @@ def run_figures(
         series=tuple(sorted(series, key=lambda one: one.joint)),
         events=lines,
         tasks=_tasks(intervals, origin),
-        captions=(*captions, *left_out, *pairs_left_out, *lines.captions),
+        captions=(*captions, *outside, *left_out, *pairs_left_out, *lines.captions),
         cell=cell,
     )
 
@@ -84,6 +83,26 @@ def _span(
     known = [int(time) for time in times if time is not None]
     origin = events["time_ns"].min() if events.height else min(known, default=0)
     return int(origin), max(known, default=0)  # type: ignore[arg-type]  # int64 columns
+
+
+def _in_view(lanes: Sequence[Lane], end_ns: int) -> tuple[int, int, tuple[str, ...]]:
+    """Return from when to when a run is drawn, and a caption if something lies outside.
+
+    An instant that is farther from what was done than all of that is long is not in view: it would leave the rest no
+    room.
+    """
+    done = [bar for lane in lanes if lane.kind == "done" for bar in lane.bars] or [
+        bar for lane in lanes for bar in lane.bars
+    ]
+    if not done:
+        return 0, max(end_ns, 0), ()
+    first, last = min(bar.start_ns for bar in done), max(bar.end_ns for bar in done)
+    reach = max(last - first, 1)
+    instants = [0, end_ns, *(at for lane in lanes for bar in lane.bars for at in (bar.start_ns, bar.end_ns))]
+    near = [at for at in instants if first - reach <= at <= last + reach]
+    outside = len(near) < len(instants)
+    note = "Something lies far before or after what was done, out of view: scroll, or see the events."
+    return min(near), max(near), (note,) if outside else ()
 
 
 def _lanes(intervals: pl.DataFrame, events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Lane]:

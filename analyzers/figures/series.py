@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -14,9 +14,14 @@ from hrclog.analyzers.busy import BusyTime
 from hrclog.analyzers.figures.arrays import FloatArray, IntArray
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.figures.thinning import worth_drawing
+from hrclog.analyzers.metrics import MINIMUM_DISTANCE
 
 MAX_SERIES: Final = 24
 MAX_SAMPLES: Final = 50_000
+
+SPEED_GROUP: Final = "speed scale"
+DISTANCE_GROUP: Final = "minimum distance (m)"
+OVERLAP_GROUP: Final = "overlap so far (s)"
 
 _JOINT_PERIOD_NS: Final = 100_000_000
 
@@ -43,7 +48,7 @@ def speed_scales(events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Seri
     for (agent,), own in rows.group_by("agent", maintain_order=True):
         times, values = own["time_ns"].to_numpy(), own["speed_scale"].to_numpy()
         times = np.append(times, max(end_ns, int(times[-1]))) - origin_ns
-        found.append(Series("speed scale", str(agent), times, np.append(values, values[-1]), step=True))
+        found.append(Series(SPEED_GROUP, str(agent), times, np.append(values, values[-1]), step=True))
     return found
 
 
@@ -83,26 +88,44 @@ def signal_series(
     captions = []
     thinned = 0
     names = signals["name"].unique(maintain_order=True).sort().to_list()
-    joints = [name for name in names if name.rpartition("/")[0] in bodies]
-    drawn = [name for name in names if name not in set(joints)] + joints
+    places = {name: _place(name, bodies) for name in names}
+    drawn = sorted(names, key=lambda name: places[name].joint)
     if len(drawn) > max_series:
         captions.append(f"The first {max_series} of {len(drawn)} signals are drawn.")
     found: list[Series] = []
     for name in drawn[:max_series]:
         own = signals.filter(pl.col("name") == name).sort("time_ns", maintain_order=True)
-        group, _, last = name.rpartition("/")
-        is_joint = group in bodies
-        if is_joint:
+        place = places[name]
+        if place.joint:
             own = own[worth_drawing(own["time_ns"].to_numpy(), own.select("value").to_numpy(), _JOINT_PERIOD_NS)]
         every = -(-own.height // max_samples)
         thinned += every > 1
         own = own.gather_every(every)
-        title, label = (f"joints of {group}", last) if is_joint else (group or "signals", name)
         times, values = own["time_ns"].to_numpy() - origin_ns, own["value"].to_numpy()
-        found.append(Series(title, label, times, values, joint=is_joint))
+        found.append(Series(place.group, place.label, times, values, place.step, place.joint))
     if thinned:
         captions.append(f"{thinned} signals are thinned to at most {max_samples:,} samples each.")
     return found, captions
+
+
+class _Place(NamedTuple):
+    """Under which heading a signal is drawn, and how."""
+
+    group: str
+    label: str
+    step: bool = False
+    joint: bool = False
+
+
+def _place(name: str, bodies: Collection[str]) -> _Place:
+    agent, _, last = name.rpartition("/")
+    if last == MINIMUM_DISTANCE:
+        return _Place(DISTANCE_GROUP, agent or "human and robot")
+    if last == "speed_scale":
+        return _Place(SPEED_GROUP, f"{agent or 'signal'}, as a signal", step=True)
+    if agent in bodies:
+        return _Place(f"joints of {agent}", last, joint=True)
+    return _Place(agent or "signals", name)
 
 
 def _overlap_so_far(busy: dict[str, BusyTime], one: str, other: str, origin_ns: int) -> Series:
@@ -110,4 +133,4 @@ def _overlap_so_far(busy: dict[str, BusyTime], one: str, other: str, origin_ns: 
     knots = np.unique(np.concatenate([a.start, a.end, b.start, b.end]))
     together = np.minimum(a.within(knots[:-1], knots[1:]), b.within(knots[:-1], knots[1:]))
     name = f"{shorten(one, 30)} and {shorten(other, 30)}"
-    return Series("overlap so far (s)", name, knots - origin_ns, np.append(0, np.cumsum(together)) / 1e9)
+    return Series(OVERLAP_GROUP, name, knots - origin_ns, np.append(0, np.cumsum(together)) / 1e9)

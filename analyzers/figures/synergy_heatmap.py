@@ -11,8 +11,8 @@ from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix,
 from hrclog.analyzers.figures.text import shorten
 
 HOW_TO_READ: Final = (
-    "Factor on the duration of the row's task: above 1 (orange) it takes longer, below 1 (blue) less. "
-    "Below it the 95 % interval; n counts pairs of executions that overlap."
+    "Factor on the duration of the row's task while the column's task runs: above 1 (orange) it takes longer, below 1 "
+    "(blue) less. Below it the 95 % interval; n counts pairs of executions that overlapped."
 )
 
 
@@ -40,6 +40,8 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
     return Heatmap(
         agents=agents,
         title=f"Synergy: {agent} while {other} works" + (f" ({estimator})" if estimator else ""),
+        reading=HOW_TO_READ,
+        unit="factor on the duration",
         row_title=f"task of {agent}",
         column_title=f"while {other} does",
         rows=drawn.rows,
@@ -50,5 +52,5 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
         high=matrix(cells, "ci_high", drawn),
         counts=matrix(cells, "n", drawn),
         doubtful=doubtful,
-        captions=tuple(text for text in (HOW_TO_READ, marked, grey, *drawn.captions) if text),
+        captions=tuple(text for text in (marked, grey, *drawn.captions) if text),
     )

@@ -28,7 +28,7 @@ class DataTable:
 def markdown(table: DataTable, max_rows: int, width: int = 60) -> str:
     """Return the table as markdown: title, caption and at most `max_rows` rows; what is left out is said."""
     frame = table.frame.head(max_rows)
-    lines = [f"# {table.title}", ""]
+    lines = [f"### {table.title}", ""]
     if table.caption:
         lines += [table.caption, ""]
     if frame.height < table.frame.height:

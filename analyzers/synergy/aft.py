@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from hrclog.analyzers.segments import AgentTask
-from hrclog.analyzers.synergy.aft_likelihood import Prior, expected_information, log_posterior
+from hrclog.analyzers.synergy.aft_likelihood import Posterior, Prior, expected_information, log_posterior
 from hrclog.analyzers.synergy.exposures import Exposure, exposures
 from hrclog.analyzers.synergy.fit import Covariance, Fit, TaskModel
 from hrclog.analyzers.synergy.log_work import Floats, NormalLogWork
@@ -148,11 +148,21 @@ def _maximum(start: Floats, data: Exposure, prior: Prior, spent: float) -> Float
     from scipy.optimize import minimize
 
     scale = len(data.finished)
+    last: dict[bytes, Posterior] = {}
+
+    def at(x: Floats) -> Posterior:
+        """Return all three at once: the optimizer asks for them one by one."""
+        key = x.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = log_posterior(x, data, prior, spent)
+        return last[key]
+
     found = minimize(
-        lambda x: -log_posterior(x, data, prior, spent).value / scale,
+        lambda x: -at(x).value / scale,
         start,
-        jac=lambda x: -log_posterior(x, data, prior, spent).gradient / scale,
-        hess=lambda x: -log_posterior(x, data, prior, spent).hessian / scale,
+        jac=lambda x: -at(x).gradient / scale,
+        hess=lambda x: -at(x).hessian / scale,
         method="trust-exact",
         options={"gtol": 1e-9},
     )

@@ -26,6 +26,7 @@ VERBS = {
     "plan": "Find the best plan by what was learnt, judge one, or draw random ones.",
     "record": "Record events given as JSON lines on standard input.",
     "recover": "Close logs whose recorder was killed.",
+    "report": "Write all that runs tell into one HTML file that can be mailed.",
     "run": "Carry a plan out with simulated, replayed or scripted agents.",
     "score": "Say how well estimators predict what they have not seen.",
     "sim": "Simulate runs of a cell and write their logs.",

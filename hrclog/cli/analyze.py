@@ -23,6 +23,14 @@ if TYPE_CHECKING:
     from hrclog.analyzers.synergy.outliers import Outliers
 
 
+def _recordings(_: click.Context, __: click.Parameter, value: str) -> int | None:
+    if value == "all":
+        return None
+    if not value.isdecimal():
+        raise click.BadParameter(f"found {value!r}, expected a whole number or all")
+    return int(value)
+
+
 @click.command(name="analyze")
 @logs_argument
 @click.option(
@@ -36,6 +44,14 @@ if TYPE_CHECKING:
 @estimator_option
 @outliers_option
 @bootstrap_options(0)
+@click.option(
+    "--recordings",
+    default="200",
+    show_default=True,
+    metavar="N|all",
+    callback=_recordings,
+    help="How many runs to draw one by one; beyond it they are taken evenly spread.",
+)
 @json_option
 def command(
     logs: tuple[str, ...],
@@ -45,6 +61,7 @@ def command(
     bootstrap: int,
     seed: int,
     workers: int,
+    recordings: int | None,
     as_json: bool,  # noqa: FBT001 - click passes flags by name
 ) -> int:
     """Rebuild what happened in recorded runs and estimate durations, overlaps and synergies.
@@ -57,7 +74,15 @@ def command(
       hrclog analyze runs/*.mcap -o results
     """  # noqa: D301 - click's \b keeps the line breaks
     analysis = analyse(
-        logs, output, estimator, outliers, bootstrap=bootstrap, seed=seed, workers=workers, as_json=as_json
+        logs,
+        output,
+        estimator,
+        outliers,
+        bootstrap=bootstrap,
+        seed=seed,
+        workers=workers,
+        recordings=recordings,
+        as_json=as_json,
     )
     return tell(analysis.diagnostics)
 
@@ -71,11 +96,12 @@ def analyse(
     bootstrap: int = 0,
     seed: int = 0,
     workers: int = 1,
+    recordings: int | None = 200,
     as_json: bool = False,
 ) -> Analysis:
     """Analyse logs, write everything to a folder and print the result."""
     from hrclog.analyzers.analysis import analyze
-    from hrclog.analyzers.output import check_writable, save
+    from hrclog.analyzers.output import check_writable, drawn_runs, save
     from hrclog.cli.summary import summary
 
     check_writable(output)
@@ -94,8 +120,9 @@ def analyse(
     )
     draws.done()
     reading.done()
-    drawing = Progress("drawing runs", analysis.runs.height + 1)
-    save(analysis, output, drawing)
+    drawn = len(drawn_runs(analysis.runs, recordings))
+    drawing = Progress("drawing runs", drawn + 1)
+    save(analysis, output, drawing, recordings)
     drawing.done()
-    click.echo(analysis.to_json() if as_json else summary(analysis, output))
+    click.echo(analysis.to_json() if as_json else summary(analysis, output, drawn))
     return analysis

@@ -14,11 +14,14 @@ if TYPE_CHECKING:
 _MOST_ROWS = 40
 
 
-def summary(analysis: Analysis, output: Path) -> str:
-    """Return the tables that a person reads first."""
+def summary(analysis: Analysis, output: Path, drawn: int) -> str:
+    """Return the tables that a person reads first; `drawn` runs have a recording of their own."""
     parts = [_headline(analysis), _durations(analysis), _metrics(analysis), _synergies(analysis)]
+    runs = analysis.runs.height
+    some = f" ({drawn} of {runs:,} runs, evenly spread; --recordings all draws each)" if drawn < runs else ""
     parts.append(
-        f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd\nLook at it: hrclog view {output}"
+        f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd{some}\n"
+        f"Look at it: hrclog view {output}"
     )
     return "\n\n".join(part for part in parts if part)
 

@@ -6,12 +6,12 @@ deleted attempt. Recipes are numbered within a session: what stands before the r
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-_RECIPE: Final = re.compile(r"(?P<planner>.+?)_rec_\d+_rep_\d+_(?P<session>.+)", re.DOTALL)
+from hrclog.recipe_names import planner_and_session
+
 _DIGITS: Final = "0123456789"
 _LONGEST_COUNTER: Final = 9  # digits; a longer number is a time or an id
 
@@ -35,15 +35,11 @@ def gap_report(recipes: Iterable[str]) -> list[Gap]:
         name = recipe.rstrip(_DIGITS)
         counter = recipe[len(name) :]
         if 0 < len(counter) <= _LONGEST_COUNTER:
-            counters.setdefault(_planner_and_session(name.removesuffix("_")), set()).add(int(counter))
+            stem = name.removesuffix("_")
+            counters.setdefault(planner_and_session(stem) or (stem, ""), set()).add(int(counter))
     totals: dict[str, tuple[int, int]] = {}
     for (planner, _), numbers in counters.items():
         attempts = max(numbers) - min(numbers) + 1
         known, missing = totals.get(planner, (0, 0))
         totals[planner] = (known + attempts, missing + attempts - len(numbers))
     return [Gap(planner, *totals[planner]) for planner in sorted(totals)]
-
-
-def _planner_and_session(name: str) -> tuple[str, str]:
-    match = _RECIPE.fullmatch(name)
-    return (match["planner"], match["session"]) if match else (name, "")

@@ -14,19 +14,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hrclog.analyzers.figures import campaign_figures, run_figures
-from hrclog.analyzers.figures.axis import axis
 from hrclog.analyzers.figures.boxplot import MAX_BOXES, MAX_OUTLIERS, duration_boxes
-from hrclog.analyzers.figures.boxplot_canvas import boxplot_canvas
+from hrclog.analyzers.figures.boxplot_plot import boxplot_plot
 from hrclog.analyzers.figures.coefficients import MAX_ROWS, synergy_coefficients
-from hrclog.analyzers.figures.coefficients_canvas import coefficients_canvas
+from hrclog.analyzers.figures.coefficients_plot import coefficients_plot
 from hrclog.analyzers.figures.events import event_lines, pauses
-from hrclog.analyzers.figures.font import readable
 from hrclog.analyzers.figures.gantt import Bar, Lane, execution_lanes, limited, state_changes
-from hrclog.analyzers.figures.heatmap import MAX_SIDE, Heatmap
+from hrclog.analyzers.figures.gantt_plot import gantt_plot
+from hrclog.analyzers.figures.heatmap import MAX_SIDE
+from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
 from hrclog.analyzers.figures.lanes import lane_numbers
 from hrclog.analyzers.figures.overlap_matrix import overlap_matrices
-from hrclog.analyzers.figures.palette import FAILED, PAUSED, TASKS, UNOBSERVED, diverging, task_colors
-from hrclog.analyzers.figures.raster import draw_heatmap, text_width, wrapped
+from hrclog.analyzers.figures.palette import FAILED, PAUSED, TASKS, diverging, task_colors
+from hrclog.analyzers.figures.run_plots import run_plots
 from hrclog.analyzers.figures.series import overlaps_so_far, signal_series, speed_scales
 from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
 from hrclog.analyzers.figures.table import DataTable, markdown
@@ -258,8 +258,8 @@ def synergies(count: int) -> pl.DataFrame:
 def test_an_unobserved_pair_is_grey_and_has_no_number() -> None:
     heatmap = synergy_heatmaps(synergies(3))[0]
     assert np.isnan(heatmap.values[0, 0])
-    assert heatmap.color(heatmap.values[0, 0]) == UNOBSERVED
-    assert heatmap.color(1.0) == diverging(0.0)
+    assert heatmap.paint(heatmap.values[0, 0]) == "unobserved"
+    assert heatmap.paint(1.0) == diverging(0.0)
     assert heatmap.doubtful is not None
     assert np.argwhere(heatmap.doubtful).tolist() == [[1, 1]]
     assert heatmap.low is not None
@@ -272,7 +272,7 @@ def test_a_colour_means_the_same_in_both_directions() -> None:
     frame_ = synergies(2).with_columns(pl.when(agent="A").then(3.0).otherwise("synergy").alias("synergy"))
     one, other = synergy_heatmaps(frame_)
     assert one.limit == other.limit == pytest.approx(3.0)
-    assert one.color(1.1) == other.color(1.1)
+    assert one.paint(1.1) == other.paint(1.1)
 
 
 def test_a_large_matrix_shows_what_overlaps_most_and_says_so() -> None:
@@ -283,18 +283,27 @@ def test_a_large_matrix_shows_what_overlaps_most_and_says_so() -> None:
     assert np.isfinite(heatmap.values).all()
 
 
-def test_the_picture_of_a_heatmap_has_the_colours_of_its_cells() -> None:
-    values = np.array([[2.0, 0.5], [np.nan, 1.0]])
-    heatmap = Heatmap(("A", "B"), "title", "rows", "columns", ("a", "b"), ("c", "d"), values, "diverging")
-    picture = draw_heatmap(heatmap)
-    found = {tuple(int(part) for part in pixel) for pixel in np.unique(picture.reshape(-1, 3), axis=0)}
-    assert {heatmap.color(value) for value in values.ravel()} <= found
-    seen = (picture == UNOBSERVED).all(axis=2).sum()
-    fewer = draw_heatmap(
-        Heatmap(("A", "B"), "title", "rows", "columns", ("a", "b"), ("c", "d"), values[::-1] * 0 + 1, "diverging")
-    )
-    assert seen > 5_000
-    assert (fewer == UNOBSERVED).all(axis=2).sum() > 5_000
+def test_a_heatmap_has_a_cell_per_pair_in_its_colour_and_says_its_value() -> None:
+    heatmap = synergy_heatmaps(synergies(3))[0]
+    plot = heatmap_plot(heatmap, ("synergy", "A", "B"))
+    for rect, value in zip(plot.rects, heatmap.values.ravel(), strict=True):
+        row, column = int(rect.low[1]), int(rect.low[0])
+        assert heatmap.values[row, column] == pytest.approx(value, nan_ok=True)
+        assert rect.paint == heatmap.paint(value)
+        said = [text.text for text in plot.texts if (int(text.at[1]), int(text.at[0])) == (row, column)]
+        number = f"{value:.2f}" if np.isfinite(value) else "n/a"
+        assert said[0] == number + "*" * (row == column == 1)
+        assert len(said) == (3 if np.isfinite(value) else 1)
+    assert [name for _, name in plot.x.ticks] == [name for _, name in plot.y.ticks] == ["t0", "t1", "t2"]
+    assert plot.y.low > plot.y.high  # the first row on top
+
+
+def test_cells_too_small_for_their_notes_say_where_these_are() -> None:
+    plot = heatmap_plot(synergy_heatmaps(synergies(20))[0], ("synergy", "A", "B"))
+    assert len(plot.texts) == 400
+    assert "Intervals and counts do not fit into the cells; the tables have them." in plot.notes
+    assert "(n = " not in plot.texts[1].text
+    assert "0.80 to 1.00, n = 9" in plot.rects[1].label
 
 
 def test_coefficients_leave_out_the_unobserved_and_sort_by_size() -> None:
@@ -309,11 +318,22 @@ def test_coefficients_leave_out_the_unobserved_and_sort_by_size() -> None:
 
 def test_intervals_that_leave_the_axis_are_clipped_and_said() -> None:
     frame_ = synergies(2).with_columns(pl.lit(99.0).alias("ci_high"))
-    canvas = coefficients_canvas(synergy_coefficients(frame_)[0])
-    height, width = canvas.backdrop.shape[:2]
-    assert all(0 <= x <= width and 0 <= y <= height for stroke in canvas.strokes for x, y in stroke.points)
-    narrow = coefficients_canvas(synergy_coefficients(synergies(2))[0])
-    assert height > narrow.backdrop.shape[0]  # a further line of text
+    plot = coefficients_plot(synergy_coefficients(frame_)[0], ("coefficients", "A", "B"))
+    assert all(plot.x.low <= x <= plot.x.high for stroke in plot.strokes for x, _ in stroke.points)
+    assert plot.x.high < 10
+    assert "3 intervals reach beyond the axis; the table has their ends." in plot.notes
+    narrow = coefficients_plot(synergy_coefficients(synergies(2))[0], ("coefficients", "A", "B"))
+    assert not any("beyond" in note for note in narrow.notes)
+
+
+def test_a_coefficient_shows_its_standard_error_within_its_interval() -> None:
+    frame_ = synergies(2).with_columns(pl.lit(0.05).alias("std_err"))
+    plot = coefficients_plot(synergy_coefficients(frame_)[0], ("coefficients", "A", "B"))
+    thick = [stroke for stroke in plot.strokes if stroke.width > 4]
+    assert [round(stroke.points[1][0] - stroke.points[0][0], 9) for stroke in thick] == [0.1] * 3
+    assert "+- 0.050 (95 %" in plot.dots[0].label
+    hollow = [dot for dot in plot.dots if dot.paint == "card"]
+    assert [dot.label.rpartition(", ")[2] for dot in hollow] == ["sparse"]
 
 
 @given(st.lists(st.floats(0.1, 500, allow_nan=False), min_size=1, max_size=60))
@@ -370,22 +390,38 @@ def test_the_white_circle_of_a_box_is_its_mean() -> None:
     (plot,) = duration_boxes(
         frame(*(execution("R", "pick", start, start + length) for start, length in ((0, 3), (10, 4), (20, 11))))
     )
-    canvas = boxplot_canvas(plot)
-    mean = canvas.dots[-1]
-    assert mean.color == (255, 255, 255)
-    assert mean.label == "pick: mean 6.000 s"
-    (left, _), (right, _) = canvas.rects[0].low, canvas.rects[0].high  # quartiles 3.5 and 7.5 s
-    assert mean.center[0] == pytest.approx(left + (right - left) * (6.0 - 3.5) / (7.5 - 3.5))
+    drawn = boxplot_plot(plot, ("durations", "all"))
+    mean = drawn.dots[-1]
+    assert (mean.paint, mean.at[0]) == ((255, 255, 255), 6.0)
+    assert mean.label == "R, pick: mean 6.000 s"
+    assert (drawn.rects[0].low[0], drawn.rects[0].high[0]) == (3.5, 7.5)
+    assert [name for _, name in drawn.y.ticks] == ["pick (3)"]
 
 
-@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
-def test_an_axis_holds_its_ends_and_has_a_few_round_ticks(low: float, length: float) -> None:
-    scale = axis(low, low + length, 10, 110)
-    assert scale.low <= low + length * 1e-6 + 1e-9
-    assert scale.high >= low + length * (1 - 1e-6) - 1e-9
-    assert 2 <= len(scale.ticks()) <= 12
-    assert scale.at(scale.low) == 10
-    assert scale.at(scale.high) == 110
+def test_a_timeline_draws_every_bar_that_has_a_length() -> None:
+    rows = frame(
+        execution("H", "pick", 1, 5), execution("R", "weld", 2, 2), execution("R", "weld", 3, 9, outcome="failed")
+    )
+    figures = run_figures(RUN, rows, events({"kind": "run_started", "time_ns": 0}), SIGNALS.to_frame())
+    plot = gantt_plot(figures.gantt, ("run", "a", "timeline"))
+    assert [(rect.low[0], rect.high[0]) for rect in plot.rects] == [(1.0, 5.0), (3.0, 9.0)]
+    assert [key.label for key in plot.keys] == ["pick", "weld", "failed or timed out"]
+    assert plot.rects[1].label == "✗ weld failed: 3.00 to 9.00 s"
+    assert [name for _, name in plot.y.ticks] == ["H", "R"]
+
+
+def test_the_signals_of_a_run_stand_under_the_axis_of_its_timeline() -> None:
+    rows = [("run", name, at * S // 100, float(at % 7)) for name in ("R/j1", "a/x", "gap", "z/y") for at in range(5000)]
+    rows.append(("run", "gap", 51 * S, float("nan")))
+    figures = run_figures(RUN, frame(), events(), pl.DataFrame(rows, schema=SIGNALS, orient="row"))
+    timeline, *lines = run_plots(figures)
+    assert len({plot.path for plot in (timeline, *lines)}) == 5
+    assert {plot.x for plot in lines} == {timeline.x}
+    for plot in lines:
+        (stroke,) = plot.strokes
+        assert len(stroke.points) <= 2402
+        assert (stroke.points[0], stroke.points[-1]) == ((0.0, 0.0), (49.99, 4999 % 7))
+        assert {y for _, y in stroke.points} >= {0.0, 6.0}
 
 
 @given(st.lists(st.tuples(st.sampled_from("HR"), st.integers(0, 50), st.integers(1, 10)), min_size=2, max_size=12))
@@ -436,21 +472,6 @@ def test_the_log_says_who_did_what_and_stops_aloud() -> None:
     assert lines.captions == ("The log lists the first 2 of 3 events.",)
 
 
-def test_names_are_wrapped_within_their_width() -> None:
-    lines = wrapped("place_blue_box_on_the_guide", 16, 90)
-    assert "".join(lines) == "place_blue_box_on_the_guide"
-    assert all(text_width(line, 16) <= 90 for line in lines)
-    assert len(lines) > 1
-    assert all(line.endswith("_") for line in lines[:-1])
-
-
-def test_any_text_finds_a_font() -> None:
-    for text in ("plain", "é ß √", "机器人", "\U0001f916"):
-        shown, font = readable(text, 16)
-        assert shown
-        assert font.getlength(shown) > 0
-
-
 def test_times_in_a_run_count_from_its_first_event() -> None:
     rows = frame(execution("H", "pick", 100, 105), execution("R", "weld", 103, 110))
     log = events({"kind": "run_started", "time_ns": 99 * S}, {"kind": "run_ended", "time_ns": 111 * S})
@@ -480,9 +501,10 @@ def test_nothing_at_all_makes_figures_that_say_so() -> None:
         RUNS.to_frame(),
         [Diagnostic("no_events", "none")],
     )
-    assert campaign.synergies == campaign.overlaps == campaign.coefficients == ()
+    assert [page.name for page in campaign.pages] == ["Durations"]
+    assert campaign.matrices == ()
     assert campaign.captions == ("No two agents have tasks to compare: no overlaps, no synergies.",)
-    assert boxplot_canvas(campaign.durations[0]).rects == ()
+    assert campaign.pages[0].plots[0].rects == ()
     diagnostics = next(table for table in campaign.tables if table.name == "diagnostics")
     assert diagnostics.frame["code"].to_list() == ["no_events"]
     run = run_figures(RUN, frame(), events(), SIGNALS.to_frame())
@@ -496,9 +518,10 @@ def test_pairs_that_never_overlap_are_drawn_as_unobserved() -> None:
     nothing = cells(SYNERGIES, 2, n=lambda *_: 0, overlap_s=lambda *_: 0.0, status=lambda *_: "unobserved")
     (seconds, _), _ = overlap_matrices(pairs)
     assert (seconds.values == 0).all()
-    draw_heatmap(seconds)
     heatmap = synergy_heatmaps(nothing)[0]
     assert np.isnan(heatmap.values).all()
-    assert (draw_heatmap(heatmap) == UNOBSERVED).all(axis=2).sum() > 4 * 5_000
+    plot = heatmap_plot(heatmap, ("synergy", "A", "B"))
+    assert [rect.paint for rect in plot.rects] == ["unobserved"] * 4
+    assert [text.text for text in plot.texts] == ["n/a"] * 4
     assert synergy_coefficients(nothing)[0].rows == ()
-    coefficients_canvas(synergy_coefficients(nothing)[0])
+    assert coefficients_plot(synergy_coefficients(nothing)[0], ("coefficients", "A", "B")).dots == ()

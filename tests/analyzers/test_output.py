@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import random
 import unicodedata
+from itertools import pairwise
 
 import polars as pl
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hrclog.analyzers.output import recording_names
+from hrclog.analyzers.output import drawn_runs, recording_names
 
 NAME_MAX = 255
 """Bytes of a file's name that Linux, macOS and Windows take."""
@@ -66,3 +67,16 @@ def test_names_are_different_short_and_the_same_in_every_order(runs: dict[str, s
     shuffled = list(runs.items())
     chance.shuffle(shuffled)
     assert names_of(*shuffled) == names
+
+
+@given(st.integers(0, 40), st.integers(1, 12))
+def test_the_runs_that_are_drawn_are_evenly_spread_and_hold_both_ends(count: int, most: int) -> None:
+    ids = [f"r{index}" for index in range(count)]
+    drawn = drawn_runs(pl.DataFrame({"run_id": ids}, {"run_id": pl.String}), most)
+    assert len(drawn) == min(count, most)
+    assert drawn == sorted(set(drawn), key=ids.index)
+    if count > most > 1:
+        assert (drawn[0], drawn[-1]) == (ids[0], ids[-1])
+        steps = [ids.index(after) - ids.index(before) for before, after in pairwise(drawn)]
+        assert max(steps) - min(steps) <= 1
+    assert drawn_runs(pl.DataFrame({"run_id": ids}, {"run_id": pl.String}), None) == ids

@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 from rerun.chunk import RrdReader
 
+from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.figures import CampaignFigures, RunFigures, campaign_figures, run_figures
 from hrclog.analyzers.rerun import save_campaign, save_run
 from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
@@ -164,7 +165,7 @@ def test_signals_events_and_tasks_read_back(run_pictures: RunFigures, tmp_path: 
     assert flat(tasks["duration_s"]) == [4.0, 4.0, 3.0]
     assert flat(columns(path, "/__properties/run")["makespan_s"]) == [12.0]
     recording = RrdReader(path).recordings()[0]
-    assert (recording.application_id, recording.recording_id) == ("hrclog", "run-1")
+    assert (recording.application_id, recording.recording_id) == ("hrclog first run", "run-1")
     properties = columns(path, "/__properties")
     assert flat(properties["name"]) == ["first run"]
     assert flat(properties["start_time"]) == [ORIGIN]
@@ -182,12 +183,27 @@ def test_a_campaign_reads_back_with_its_matrices_and_tables(tmp_path: Path) -> N
     assert labels[0] == "pick | place: 1.250 (95 % 1.000 to 1.500), n = 7, ok"
     assert len(labels) == 3
     boxes = flat(columns(path, "/durations/all/picture/boxes")["labels"])
-    assert boxes[0] == "H, pick: median 3.000 s, quartiles 3.000 to 3.000 s, mean 3.000 s, 1 executions"
+    assert boxes[0] == "H, pick: median 3.000 s, quartiles 3.000 to 3.000 s, mean 3.000 s, n = 1"
     rows = columns(path, "/tables/synergies/rows")
     assert flat(rows["synergy"])[:2] == [None, 1.25]
     assert "start_time" not in columns(path, "/__properties")  # it would be the time of rendering
     text = str(flat(columns(path, "/tables/diagnostics/text")["text"])[0])
     assert r"| info | one\_agent | a message \| with a bar |" in text
+
+
+def test_synergies_over_runs_read_back_as_a_picture_per_step(tmp_path: Path) -> None:
+    analysis = analyze(Path(__file__).parents[2] / "sample_logs" / "campaign")
+    figures = analysis.campaign_figures()
+    save_campaign(figures, tmp_path / "campaign.rrd")
+    (page,) = [page for page in figures.pages if page.steps]
+    assert len(page.steps) == 2
+    for steps in page.steps:
+        path = "/" + "/".join(part.replace(" ", "\\ ") for part in steps.plots[0].path)
+        read = columns(tmp_path / "campaign.rrd", f"{path}/picture")
+        assert tuple(read["runs"]) == steps.numbers == (1, 2, 5, 12)
+        assert len(read["buffer"]) == 4
+        assert read["buffer"][0] != read["buffer"][-1]
+    assert rerun("verify", tmp_path / "campaign.rrd") == 0
 
 
 def test_two_renderings_are_equal_and_verify(run_pictures: RunFigures, tmp_path: Path) -> None:
@@ -227,7 +243,7 @@ def test_hostile_names_stay_apart_and_whole(tmp_path: Path) -> None:
 def test_hostile_names_do_no_harm_to_a_campaign(tmp_path: Path) -> None:
     path = tmp_path / "campaign.rrd"
     save_campaign(campaign_of(HOSTILE[:3], HOSTILE), path)
-    assert len([entity for entity in entities(path) if entity.startswith("/synergy/") and "picture" in entity]) == 6
+    assert len([entity for entity in entities(path) if entity.startswith("/synergy/") and entity.endswith("/picture")]) == 6
     assert rerun("verify", path) == 0
 
 
@@ -313,4 +329,4 @@ def test_only_the_rerun_modules_know_rerun() -> None:
         for line in path.read_text(encoding="utf-8").splitlines()
         if line.lstrip().startswith(("import rerun", "from rerun"))
     }
-    assert knowing == {"rerun.py", "rerun_cell.py", "rerun_layout.py", "rerun_recording.py"}
+    assert knowing == {"rerun.py", "rerun_cell.py", "rerun_layout.py", "rerun_live.py", "rerun_recording.py"}

@@ -126,7 +126,7 @@ def test_scalar_signals_come_before_joints(drawn: Path) -> None:
     groups = list(dict.fromkeys(entity.split("/")[2] for entity in entities))
     assert groups == [
         "speed\\ scale",
-        "signals",
+        "minimum\\ distance\\ \\(m\\)",
         "overlap\\ so\\ far\\ \\(s\\)",
         "joints\\ of\\ human",
         "joints\\ of\\ robot",

@@ -1,0 +1,169 @@
+"""The names at the ticks of the axes: side by side, in several lines, slanted or upright, whatever fits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from hrclog.analyzers.drawing_fonts import LINE, balanced, fitted_all, one_line, text_width
+from hrclog.analyzers.drawing_scale import Scale
+from hrclog.analyzers.drawing_shapes import Frame
+from hrclog.analyzers.drawing_sheet import Label, Sheet, Trace
+from hrclog.analyzers.figures.arrays import FloatArray
+from hrclog.analyzers.figures.palette import Paint
+from hrclog.analyzers.figures.plot import Anchor, Plot
+
+NAME: Final = 13.0
+NUMBER: Final = 12.0
+_SMALLEST: Final = 9.0
+_MARK: Final = 4.0
+_GAP: Final = 8.0
+_LONGEST: Final = 280.0  # px
+_WIDE: Final = 240.0  # px of a name at the side, before it takes a second line
+_TIGHT: Final = 1.15  # sizes from line to line of a name
+_MOST_LINES: Final = 3
+_SLANT: Final = 45.0
+
+Name = tuple[float, str]
+
+
+def y_names(sheet: Sheet, frame: Frame) -> int:
+    """Write the ticks of y to the left of the area; return how many names are left out."""
+    ticks = _placed(frame.y, 64)
+    _rules(sheet, frame.plot, ticks, upright=True)
+    names = [(at, name) for at, name in ticks if name]
+    if not frame.plot.y.ticks:
+        kept = _apart(names, NUMBER * LINE)
+        sheet.write(*(Label((-_GAP, at), said, NUMBER, "muted", "right") for at, said in kept))
+        return 0
+    kept = _apart(names, _SMALLEST * _TIGHT)
+    room = _spacing(kept)
+    size = _size(room)
+    longest = min(_LONGEST, frame.plot.left - _GAP) if frame.plot.left > _GAP else _LONGEST
+    shown = fitted_all([name for _, name in kept], size, longest)
+    for (at, name), short in zip(kept, shown, strict=True):
+        lines = _beside(name, short, size, (min(_WIDE, longest), room))
+        for row, line in enumerate(lines):
+            y = at + (row - (len(lines) - 1) / 2) * size * _TIGHT
+            sheet.write(Label((-_GAP, y), line, size, anchor="right", full=_full(name, lines)))
+    return len(names) - len(kept)
+
+
+def x_names(sheet: Sheet, frame: Frame) -> int:
+    """Write the ticks of x beneath the area, or above it; return how many names are left out."""
+    plot, ticks = frame.plot, _placed(frame.x, 80)
+    _rules(sheet, plot, ticks, upright=False)
+    names = [(at, name) for at, name in ticks if name]
+    if not plot.x.ticks:
+        _write_rows(sheet, plot, [(at, (said,)) for at, said in _side_by_side(names, NUMBER)], NUMBER)
+        return 0
+    if len(_side_by_side(names, NAME)) == len(names):
+        _write_rows(sheet, plot, [(at, (one_line(name),)) for at, name in names], NAME)
+        return 0
+    room = _spacing(names)
+    broken = [_broken(name, room - _GAP) for _, name in names]
+    if all(broken):
+        _write_rows(sheet, plot, [(at, lines) for (at, _), lines in zip(names, broken, strict=True)], NAME)
+        return 0
+    if room >= 2 * NAME:
+        _write_turned(sheet, plot, names, NAME, _SLANT)
+        return 0
+    kept = _apart(names, _SMALLEST * _TIGHT)
+    _write_turned(sheet, plot, kept, _size(_spacing(kept)), 90)
+    return len(names) - len(kept)
+
+
+def _placed(scale: Scale, apart: float) -> list[Name]:
+    """Return the ticks within the area by their px, in order."""
+    low, high = sorted((scale.start, scale.end))
+    spots = [(float(scale.at(value)), name) for value, name in scale.ticks(apart)]
+    return sorted((spot for spot in spots if low - 0.5 <= spot[0] <= high + 0.5), key=lambda spot: spot[0])
+
+
+def _rules(sheet: Sheet, plot: Plot, names: Sequence[Name], *, upright: bool) -> None:
+    """Draw the lines of a grid and, at an axis of numbers, the axis with its marks."""
+    width, height = plot.area
+    axis = plot.y if upright else plot.x
+    # thin lines move to the nearest px, halves to the next: these to the first px outside the area
+    foot = -0.6 if upright or plot.names_on_top else height + 0.4
+    out = foot + math.copysign(_MARK, foot)
+
+    def line(across: tuple[float, float], along: tuple[float, float]) -> FloatArray:
+        ends = np.stack([across, along], axis=1)
+        return ends if upright else ends[:, ::-1]
+
+    if axis.grid:
+        other = width if upright else height
+        sheet.grid += [Trace(line((0, other), (at, at)), "grid") for at, _ in names]
+    if not axis.ticks:
+        sheet.lines.append(Trace(line((foot, foot), (0, height if upright else width)), "muted"))
+        sheet.lines += [Trace(line((foot, out), (at, at)), "muted") for at, _ in names]
+
+
+def _spacing(names: Sequence[Name]) -> float:
+    return min((right - left for (left, _), (right, _) in pairwise(names)), default=math.inf)
+
+
+def _size(room: float) -> float:
+    return max(_SMALLEST, math.floor(min(NAME, room / _TIGHT)))
+
+
+def _apart(names: Sequence[Name], least: float) -> list[Name]:
+    """Return as many names as fit at a distance."""
+    kept: list[Name] = []
+    for at, name in names:
+        if not kept or at - kept[-1][0] >= least - 1e-6:
+            kept.append((at, name))
+    return kept
+
+
+def _side_by_side(names: Sequence[Name], size: float) -> list[Name]:
+    """Return as many names as fit beside each other on one line."""
+    kept: list[Name] = []
+    end = -math.inf
+    for at, name in names:
+        half = text_width(one_line(name), size) / 2
+        if at - half >= end and half <= _LONGEST / 2:
+            kept.append((at, name))
+            end = at + half + _GAP
+    return kept
+
+
+def _beside(name: str, short: str, size: float, room: tuple[float, float]) -> tuple[str, ...]:
+    """Return the lines of a name at the side: one, if it is short or cannot have more in a room's width and height."""
+    width, height = room
+    if text_width(short, size) <= width and short == one_line(name):
+        return (short,)
+    lines = balanced(name, size, width)
+    return lines if 0 < len(lines) <= _MOST_LINES and len(lines) * size * _TIGHT <= height else (short,)
+
+
+def _broken(name: str, room: float) -> tuple[str, ...]:
+    """Return a name in a few lines, none if it does not break into them well."""
+    lines = balanced(name, NAME, room) if room > 0 else ()
+    return lines if len(lines) <= _MOST_LINES else ()
+
+
+def _full(name: str, lines: Sequence[str]) -> str:
+    """Return what the lines do not say in full."""
+    return "" if "".join(lines).replace(" ", "") == one_line(name).replace(" ", "") else name
+
+
+def _write_rows(sheet: Sheet, plot: Plot, names: Sequence[tuple[float, tuple[str, ...]]], size: float) -> None:
+    paint: Paint = "ink" if plot.x.ticks else "muted"
+    for at, lines in names:
+        height = len(lines) * size * LINE
+        top = -_MARK - 3 - height if plot.names_on_top else plot.area[1] + _MARK + 3
+        sheet.paragraph(lines, top, Label((at, 0), "", size, paint))
+
+
+def _write_turned(sheet: Sheet, plot: Plot, names: Sequence[Name], size: float, angle: float) -> None:
+    y = -_GAP if plot.names_on_top else plot.area[1] + _GAP
+    anchor: Anchor = "left" if plot.names_on_top else "right"
+    shown = fitted_all([name for _, name in names], size, _LONGEST)
+    for (at, name), short in zip(names, shown, strict=True):
+        sheet.write(Label((at, y), short, size, anchor=anchor, angle=angle, full=_full(name, (short,))))

@@ -1,0 +1,77 @@
+"""Coefficients as a plot: a row per pair of tasks, a line at 1, factors from left to right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
+from hrclog.analyzers.figures.palette import Color, Paint
+from hrclog.analyzers.figures.plot import NARROW, Axis, Dot, Key, Plot, Stroke
+
+_WIDEST: Final = 5.0
+_ROW: Final = 26
+_LONGER: Final[Color] = (222, 111, 38)
+_SHORTER: Final[Color] = (62, 139, 190)
+_UNSURE: Final[Color] = (140, 147, 156)
+
+_KEYS: Final = (
+    Key("slower", _LONGER, "line"),
+    Key("faster", _SHORTER, "line"),
+    Key("interval holds 1", _UNSURE, "line"),
+    Key("sparse or weakly identified", "card", "dot", rim=_UNSURE),
+)
+
+
+def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
+    """Return a row per coefficient with its 95 % interval.
+
+    Estimates are within the axis; intervals that reach beyond it, and beyond 5, are clipped, which is said.
+    """
+    lows = [row.value if row.low is None else row.low for row in plot.rows]
+    highs = [row.value if row.high is None else row.high for row in plot.rows]
+    furthest = max([_WIDEST, *(1.1 * row.value for row in plot.rows)])
+    low, high = max(min([0.8, *lows]), 0.0), min(max([1.2, *highs]), furthest)
+    clipped = sum(least < low or most > high for least, most in zip(lows, highs, strict=True))
+    beyond = (f"{clipped} intervals reach beyond the axis; the table has their ends.",) if clipped else ()
+    drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
+    count = max(len(drawn), 1)
+    one = Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")
+    return Plot(
+        path=path,
+        title=plot.title,
+        reading=plot.reading,
+        x=Axis(low - 0.02 * (high - low), high + 0.02 * (high - low), "factor on the duration", grid=True),
+        y=Axis(count, 0, ticks=tuple((y, f"{row.name} ({row.n})") for y, row in drawn)),
+        area=(NARROW, count * _ROW),
+        strokes=(one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high)))),
+        dots=tuple(_dot(row, y) for y, row in drawn),
+        keys=_KEYS if drawn else (),
+        notes=(*plot.captions, *beyond),
+    )
+
+
+def _strokes(row: Coefficient, y: float, ends: tuple[float, float]) -> Iterator[Stroke]:
+    spans = []
+    if row.low is not None and row.high is not None:
+        spans.append((row.low, row.high, 1.5))
+    if row.std_err is not None:
+        spans.append((row.value - row.std_err, row.value + row.std_err, 4.5))
+    for low, high, width in spans:
+        yield Stroke(((max(low, ends[0]), y), (min(high, ends[1]), y)), _paint(row), width, _said(row))
+
+
+def _dot(row: Coefficient, y: float) -> Dot:
+    paint = _paint(row)
+    return Dot((row.value, y), 5.0, paint if row.status in ("", "ok") else "card", _said(row), rim=paint)
+
+
+def _paint(row: Coefficient) -> Paint:
+    certain = row.low is not None and row.high is not None and (row.low > 1 or row.high < 1)
+    return (_LONGER if row.value > 1 else _SHORTER) if certain else _UNSURE
+
+
+def _said(row: Coefficient) -> str:
+    error = f" +- {row.std_err:.3f}" if row.std_err is not None else ""
+    interval = f" (95 % {row.low:.3f} to {row.high:.3f})" if row.low is not None and row.high is not None else ""
+    return f"{row.name}: {row.value:.3f}{error}{interval}, n = {row.n}, {row.status}"

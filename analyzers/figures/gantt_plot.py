@@ -1,0 +1,88 @@
+"""The timeline of a run as a plot: a row per lane, bars over seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from hrclog.analyzers.figures.gantt import Bar, Gantt, Lane
+from hrclog.analyzers.figures.palette import FAILED, FULL_SPEED, PAUSED, REDUCED, ink_on
+from hrclog.analyzers.figures.plot import WIDE, Axis, Key, Plot, Rect, Text
+from hrclog.analyzers.figures.text import shorten
+
+HOW_TO_READ: Final = (
+    "Each bar is an execution; below what an agent did stands, pale, what was planned for it, and its safety state. "
+    "✗ failed or timed out, || paused, - canceled or skipped, #2 a second attempt; gaps are idle time."
+)
+
+LEFT: Final = 200
+"""Px for the names of lanes, and above its signals for theirs: all share one time axis."""
+
+_MOST_TASKS: Final = 16
+_ROW: Final = 30
+_HALF: Final = {"done": 0.44, "planned": 0.28, "safety": 0.2}
+_NAMES: Final = {"done": "", "planned": "planned", "safety": "safety"}
+_S: Final = 1e9
+
+
+def gantt_plot(gantt: Gantt, path: tuple[str, ...]) -> Plot:
+    """Return the lanes from the top, agents in order, as they are in the Rerun timeline."""
+    rows = list(enumerate(gantt.lanes))
+    count = max(len(rows), 1)
+    x = seconds_axis(gantt)
+    bars = [(lane, row + 0.5, bar) for row, lane in rows for bar in lane.bars if bar.end_ns > bar.start_ns]
+    return Plot(
+        path=path,
+        title="Timeline",
+        reading=HOW_TO_READ,
+        x=x,
+        y=Axis(count, 0, ticks=tuple((row + 0.5, _name(lane)) for row, lane in rows)),
+        area=(WIDE, count * _ROW),
+        rects=tuple(_rect(lane, y, bar) for lane, y, bar in bars),
+        texts=tuple(text for lane, y, bar in bars for text in _texts(lane, y, bar)),
+        keys=_keys(gantt),
+        left=LEFT,
+    )
+
+
+def seconds_axis(gantt: Gantt) -> Axis:
+    """Return the time axis of a run, the same for its timeline and its signals, s since its first event."""
+    low, high = gantt.start_ns / _S, gantt.end_ns / _S
+    margin = max((high - low) / 200, 1e-3)
+    return Axis(low - margin, high + margin, "seconds since the run's first event", grid=True)
+
+
+def _name(lane: Lane) -> str:
+    kind = _NAMES[lane.kind]
+    number = f" ({lane.number + 1})" if lane.number else ""
+    return f"{shorten(lane.agent, 30)}{f', {kind}' if kind else ''}{number}"
+
+
+def _rect(lane: Lane, y: float, bar: Bar) -> Rect:
+    start, end, half = bar.start_ns / _S, bar.end_ns / _S, _HALF[lane.kind]
+    return Rect((start, y - half), (end, y + half), bar.color, f"{bar.label}: {start:.2f} to {end:.2f} s")
+
+
+def _texts(lane: Lane, y: float, bar: Bar) -> Iterator[Text]:
+    """Give a bar's label, or only its beginning where the whole does not fit."""
+    if lane.kind == "safety":
+        return
+    start, end = bar.start_ns / _S, bar.end_ns / _S
+    size = 12 if lane.kind == "done" else 10
+    yield Text(((start + end) / 2, y), bar.label, ink_on(bar.color), size, room=0.96 * (end - start))
+
+
+def _keys(gantt: Gantt) -> tuple[Key, ...]:
+    """Return what the colours mean: those of tasks, unless there are many, and of what befell them."""
+    seen = {bar.color for lane in gantt.lanes for bar in lane.bars}
+    safety = {bar.color for lane in gantt.lanes if lane.kind == "safety" for bar in lane.bars}
+    known = (
+        ("failed or timed out", FAILED, seen - safety),
+        ("paused", PAUSED, seen),
+        ("full speed", FULL_SPEED, safety),
+        ("slowed down", REDUCED, safety),
+        ("stopped", FAILED, safety),
+    )
+    tasks = [Key(name, color) for name, color in gantt.tasks]
+    befell = (Key(label, color) for label, color, among in known if color in among)
+    return (*(tasks if len(tasks) <= _MOST_TASKS else ()), *befell)

@@ -1,0 +1,129 @@
+"""How long runs took, by planner, by plan, or one after the other."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import polars as pl
+
+from hrclog.analyzers.figures.palette import TASKS
+from hrclog.analyzers.figures.plot import WIDE, Axis, Band, Dot, Key, Plot, Stroke
+from hrclog.analyzers.figures.rows import Row, evenly, rows_plot, span
+from hrclog.analyzers.mean_interval import mean_interval
+from hrclog.events import Outcome
+
+MAX_GROUPS: Final = 30
+
+NOT_SAID: Final = "not said"
+
+HOW_TO_READ_GROUPS: Final = (
+    "Each dot is a run, further left is faster. Means whose 95 % intervals are far apart differ by more than chance; "
+    "where the intervals overlap much, more runs are needed to tell."
+)
+HOW_TO_READ_ORDER: Final = (
+    "Each dot is a run, in order of time; the dashed line is their mean in its 95 % interval. Dots that drift up or "
+    "down say that something changed on the way: people learn, parts wear, plans differ."
+)
+
+_NOT_DONE: Final = tuple(outcome.value for outcome in Outcome if outcome is not Outcome.SUCCEEDED)
+_LABEL: Final = "makespan: seconds from the first start to the last end"
+_BLUE: Final = TASKS[4]
+_MOST_NAMED: Final = 12
+
+
+def makespan_plot(runs: pl.DataFrame, labels: pl.DataFrame) -> list[Plot]:
+    """Return how long the runs took, in a row per planner, or per plan, else in order of time.
+
+    Runs that did not come to a good end, or whose executions did not all end, have no makespan to compare. Nothing is
+    drawn of fewer than two.
+
+    Args:
+        runs: a frame of schema `RUNS`.
+        labels: a frame of schema `PLAN_LABELS`.
+    """
+    complete = (
+        _complete(runs).join(labels, on="run_id", how="left").with_columns(pl.col("plan", "planner").fill_null(""))
+    )
+    if complete.height < 2:
+        return []
+    left_out = _left_out(runs, complete.height)
+    known = complete.filter(pl.col("planner") != "")
+    if known["planner"].n_unique() >= 2:
+        return [_by(complete, "planner", left_out)]
+    plans = complete.filter(pl.col("plan") != "").group_by("plan").len()
+    if (plans["len"] >= 2).any():
+        return [_by(complete, "plan", left_out)]
+    return [_in_order(complete, left_out)]
+
+
+def _complete(runs: pl.DataFrame) -> pl.DataFrame:
+    done = ~pl.col("outcome").is_in(_NOT_DONE) & (pl.col("n_open") == 0) & pl.col("makespan_s").is_not_null()
+    return runs.filter(done).sort("start_ns", "run_id")
+
+
+def _left_out(runs: pl.DataFrame, complete: int) -> tuple[str, ...]:
+    missing = runs.height - complete
+    text = "Runs left out, because they did not succeed or their executions did not all end"
+    return (f"{text}: {missing:,} of {runs.height:,}.",) if missing else ()
+
+
+def _by(complete: pl.DataFrame, column: str, notes: tuple[str, ...]) -> Plot:
+    groups = (
+        complete.group_by(column)
+        .agg(pl.len().alias("n"), pl.col("makespan_s").sort().mean().alias("mean"), "makespan_s", "name")
+        .sort(["n", "mean", column], descending=[True, False, False])
+    )
+    few = groups.height > MAX_GROUPS
+    said = f"{MAX_GROUPS} of {groups.height:,} {column}s are drawn, those with the most runs." if few else ""
+    kept = groups.head(MAX_GROUPS).sort("mean", column)
+    rows = [
+        Row(name or NOT_SAID, tuple(seconds), tuple(names))
+        for name, seconds, names in kept.select(column, "makespan_s", "name").iter_rows()
+    ]
+    return rows_plot(
+        ("makespans", column),
+        f"How long runs took, by {column}",
+        HOW_TO_READ_GROUPS,
+        rows,
+        _LABEL,
+        unit="s",
+        boxes=True,
+        notes=(*notes, said) if said else notes,
+    )
+
+
+def _in_order(complete: pl.DataFrame, notes: tuple[str, ...]) -> Plot:
+    seconds = complete["makespan_s"].to_numpy()
+    mean, *ends = mean_interval(seconds)
+    known = [end for end in ends if end is not None]
+    low, high = span(seconds, known)
+    shown = evenly(len(seconds)).tolist()
+    said = (
+        f"{len(shown):,} of {len(seconds):,} runs are drawn; the mean is of all." if len(shown) < len(seconds) else "",
+        "The interval reaches beyond the axis." if min(known) < low or max(known) > high else "",
+    )
+    first, last = 0.5, len(seconds) + 0.5
+    names = complete["name"].to_list()
+    interval = " to ".join(f"{end:,.3f}" for end in known)
+    label = f"mean {mean:,.3f} s (95 % {interval}), n = {len(seconds):,}"
+    return Plot(
+        path=("makespans", "order"),
+        title="How long runs took, in order of time",
+        reading=HOW_TO_READ_ORDER,
+        x=Axis(first, last, "run", ticks=_numbers(len(seconds))),
+        y=Axis(low, high, "makespan, seconds", grid=True),
+        area=(WIDE, 320),
+        bands=(Band((first, last), (max(min(known), low),) * 2, (min(max(known), high),) * 2, _BLUE),),
+        strokes=(Stroke(((first, mean), (last, mean)), "ink", 1.5, label, dashed=True),),
+        dots=tuple(
+            Dot((index + 1.0, float(seconds[index])), 3.0, _BLUE, f"{names[index]}: {seconds[index]:,.3f} s")
+            for index in shown
+        ),
+        keys=(Key("a run", _BLUE, "dot"), Key("mean", "ink", "line")),
+        notes=(*notes, *(text for text in said if text)),
+    )
+
+
+def _numbers(count: int) -> tuple[tuple[float, str], ...]:
+    """Return a tick per run, none where round numbers do."""
+    return tuple((index + 1.0, str(index + 1)) for index in range(count)) if count <= _MOST_NAMED else ()

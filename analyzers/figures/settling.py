@@ -1,0 +1,183 @@
+"""How estimates settle as runs accumulate: the matrix after 1, 2, 5, … runs, and curves over the number of runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Final
+
+import polars as pl
+
+from hrclog.analyzers.figures.curves import MAX_CURVES, Curve, Knot, curves_plot
+from hrclog.analyzers.figures.heatmap import agent_pairs, axes
+from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
+from hrclog.analyzers.figures.plot import Plot, Steps
+from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
+from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.overlaps import PAIR
+from hrclog.analyzers.synergy.pairs import OK
+
+HOW_TO_READ_CURVES: Final = (
+    "Each line is a factor on the duration of the first task while the other agent does the second, as the first runs "
+    "alone tell it, in its 95 % interval. A line that has become flat within its band has settled: more runs will not "
+    "move it much."
+)
+HOW_TO_READ_DURATIONS: Final = (
+    "Each line is the mean duration of a task over the first runs alone, in its 95 % interval. A line that has become "
+    "flat within its band has settled: more runs will not move it much."
+)
+
+_MARKED: Final = "* sparse (n < 5) or weakly identified."
+_CAPTIONS: Final = (
+    _MARKED,
+    "Grey, n/a: not observed together so far, or not told by the data.",
+    "The colours are those of all runs: a colour means the same number in every step.",
+)
+_SHARED: Final = (
+    "Runs count in order of time, so a jump may mean that the work changed; a step holds the runs of those before it, "
+    "so lines grow flatter for that reason too."
+)
+_TASK: Final = 17  # characters of a name at the end of a line
+
+
+def settling_heatmaps(settling: pl.DataFrame) -> list[Steps]:
+    """Return the matrix of each ordered pair of agents as it was after growing numbers of runs; none of a single step.
+
+    All steps have the rows, columns, colours and notes of the last.
+
+    Args:
+        settling: a frame of schema `SETTLING`.
+    """
+    numbers = settling["runs"].unique().sort().to_list()
+    if len(numbers) < 2:
+        return []
+    last = settling.filter(pl.col("runs") == numbers[-1]).sort(PAIR)
+    # tasks of too large a matrix are chosen by their overlap in all runs
+    overlap = last.select(*PAIR, "overlap_s")
+    limits = {heatmap.agents: heatmap.limit for heatmap in synergy_heatmaps(last)}
+    captions = {agents: (*_CAPTIONS, *axes(cells, "overlap_s", agents).captions) for agents, cells in agent_pairs(last)}
+    plots: dict[tuple[str, str], list[Plot]] = {}
+    for number in numbers:
+        cells = settling.filter(pl.col("runs") == number).drop("overlap_s").join(overlap, on=PAIR).sort(PAIR)
+        for heatmap in synergy_heatmaps(cells):
+            title = f"{heatmap.title}, after {number:,} of {numbers[-1]:,} runs"
+            agents = heatmap.agents
+            shown = replace(heatmap, title=title, captions=captions[agents], common_limit=limits[agents])
+            plots.setdefault(agents, []).append(heatmap_plot(shown, ("settling", "synergy", *agents)))
+    return [Steps(tuple(numbers), tuple(plots[agents])) for agents in plots]
+
+
+def settling_curves(settling: pl.DataFrame) -> list[Plot]:
+    """Return per ordered pair of agents how the factors came to be what they are; none of a single step.
+
+    Drawn are the pairs of tasks whose last factor is surest to differ from 1: those of the largest |log synergy| over
+    its standard error (std_err / synergy). Factors without an error come last.
+
+    Args:
+        settling: a frame of schema `SETTLING`.
+    """
+    if settling["runs"].n_unique() < 2:
+        return []
+    plots = (_synergy_plot(agents, cells) for agents, cells in agent_pairs(settling))
+    return [plot for plot in plots if plot]
+
+
+def duration_curves(settling: pl.DataFrame) -> list[Plot]:
+    """Return per agent how the mean durations came to be what they are; none of a single step.
+
+    Drawn are the tasks whose last mean is least sure: those of the widest interval relative to it. Means without an
+    interval come last.
+
+    Args:
+        settling: a frame of schema `SETTLING_DURATIONS`.
+    """
+    if settling["runs"].n_unique() < 2:
+        return []
+    parts = settling.partition_by("agent", as_dict=True)
+    plots = (_duration_plot(str(agent), parts[agent,]) for (agent,) in sorted(parts))
+    return [plot for plot in plots if plot]
+
+
+def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame) -> Plot | None:
+    last = cells.filter(pl.col("runs") == cells["runs"].max())
+    value, error = pl.col("synergy"), pl.col("std_err")
+    sure = (value.log().abs() * value / error).fill_nan(None)
+    known = last.filter(value > 0).sort(sure, *PAIR, descending=[True, *[False] * len(PAIR)], nulls_last=True)
+    drawn = known.head(MAX_CURVES)
+    if drawn.is_empty():
+        return None
+    curves = [
+        Curve(_pair_name(task, other, status), _knots(cells, {"task": task, "other_task": other}, _FACTOR))
+        for task, other, status in drawn.select("task", "other_task", "status").iter_rows()
+    ]
+    unknown = last.height - known.height
+    notes = [_SHARED]
+    if any(status != OK for status in drawn["status"]):
+        notes.insert(0, _MARKED)
+    if unknown:
+        notes.insert(0, f"Pairs of tasks without a factor after all runs: {unknown:,}.")
+    if known.height > drawn.height:
+        few = f"{drawn.height} of {known.height:,} factors are drawn"
+        notes.insert(0, f"{few}, those that are surest to differ from 1; {known.height - drawn.height:,} are not.")
+    agent, other = (shorten(name, 28) for name in agents)
+    estimator = ", ".join(sorted(set(last["estimator"].to_list()) - {""}))
+    return curves_plot(
+        ("settling", "curves", *agents),
+        f"How synergies settle: {agent} while {other} works ({estimator})",
+        HOW_TO_READ_CURVES,
+        curves,
+        cells["runs"].unique().sort().to_list(),
+        "factor on the duration",
+        level=1.0,
+        notes=tuple(notes),
+    )
+
+
+def _duration_plot(agent: str, tasks: pl.DataFrame) -> Plot | None:
+    last = tasks.filter(pl.col("runs") == tasks["runs"].max())
+    width = (pl.col("mean_high_s") - pl.col("mean_low_s")) / pl.col("mean_s")
+    known = last.filter(pl.col("mean_s") > 0).sort(width, "task", descending=[True, False], nulls_last=True)
+    drawn = known["task"].head(MAX_CURVES).to_list()
+    if not drawn:
+        return None
+    curves = [Curve(shorten(task, 2 * _TASK), _knots(tasks, {"task": task}, _SECONDS)) for task in drawn]
+    unknown = last.height - known.height
+    notes = [_SHARED]
+    if unknown:
+        notes.insert(0, f"Tasks that never succeeded: {unknown:,}.")
+    if known.height > len(drawn):
+        notes.insert(0, f"{len(drawn)} of {known.height:,} tasks are drawn, those whose mean is least sure.")
+    return curves_plot(
+        ("settling", "durations", agent),
+        f"How mean durations settle: {shorten(agent, 40)}",
+        HOW_TO_READ_DURATIONS,
+        curves,
+        tasks["runs"].unique().sort().to_list(),
+        "mean duration, seconds",
+        notes=tuple(notes),
+    )
+
+
+_FACTOR: Final = ("synergy", "ci_low", "ci_high", "n", "")
+_SECONDS: Final = ("mean_s", "mean_low_s", "mean_high_s", "count", " s")
+
+
+def _knots(rows: pl.DataFrame, of: dict[str, str], columns: tuple[str, str, str, str, str]) -> tuple[Knot | None, ...]:
+    """Return a knot per step from the rows of one curve."""
+    *names, unit = columns
+    own = rows.filter(**of).sort("runs").select("runs", *names)
+    name = " | ".join(of.values())
+    return tuple(_knot(name, unit, *row) for row in own.iter_rows())
+
+
+def _knot(name: str, unit: str, runs: int, *numbers: Any) -> Knot | None:  # noqa: ANN401 - float, int or None
+    value, low, high, n = numbers
+    # a regression may say what no logarithm has
+    if value is None or not (math.isfinite(value) and value > 0):
+        return None
+    interval = f" (95 % {low:,.3f} to {high:,.3f})" if low is not None and high is not None else ""
+    return Knot(runs, value, low, high, f"{name}, after {runs:,} runs: {value:,.3f}{unit}{interval}, n = {n:,}")
+
+
+def _pair_name(task: str, other: str, status: str) -> str:
+    return f"{shorten(task, _TASK)} | {shorten(other, _TASK)}{'' if status == OK else '*'}"

@@ -1,0 +1,74 @@
+"""The executions of a run that goes on, folded from its events as they come.
+
+The events of what has ended are forgotten: an execution that has ended does not change.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import polars as pl
+
+from hrclog.analyzers.figures.events import pauses
+from hrclog.analyzers.figures.series import Series, overlaps_so_far
+from hrclog.analyzers.intervals import rebuild, top_level
+from hrclog.analyzers.schemas import INTERVALS
+from hrclog.events import TASK_KINDS, Outcome
+from hrclog.log.message import EVENTS
+
+_SPAN: Final = ("agent", "start_ns", "until_ns")
+_FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)
+
+
+class LiveExecutions:
+    """The executions of one run; instants are ns since the epoch."""
+
+    def __init__(self) -> None:
+        self.n_failed = 0
+        self.first_ns: int | None = None
+        self.open = INTERVALS.to_frame()
+        self._events = EVENTS.to_frame()  # of executions that have not ended
+        self._ended: set[str] = set()
+        self._spans = INTERVALS.to_frame().select(_SPAN)  # of executions that have
+        self._n_ended = 0
+
+    @property
+    def n_started(self) -> int:
+        """Return how many executions have started that are no step of another."""
+        return self._n_ended + self.open.filter(top_level()).height
+
+    def agents(self) -> set[str]:
+        """Return who has started anything."""
+        return {*self._spans["agent"].unique(), *self.open["agent"]}
+
+    def take(self, events: pl.DataFrame) -> pl.DataFrame:
+        """Take in further events, schema `EVENTS`.
+
+        Returns:
+            Schema `INTERVALS`: the executions that are open, and those that have ended just now.
+        """
+        known = pl.Series([name in self._ended for name in events["execution_id"]], dtype=pl.Boolean)
+        self._events = pl.concat([self._events, events.filter(pl.col("kind").is_in(TASK_KINDS) & ~known)])
+        executions, _ = rebuild(self._events)
+        has_ended = pl.col("end_ns").is_not_null()
+        ended, self.open = executions.filter(has_ended), executions.filter(~has_ended)
+        over = set(self._events.filter(pl.col("kind") == "task_ended")["execution_id"])
+        self._ended |= over
+        if over:
+            self._events = self._events.filter(~pl.col("execution_id").is_in(list(over)))
+        self._spans = pl.concat([self._spans, ended.select(_SPAN)])
+        own = ended.filter(top_level())
+        self._n_ended += own.height
+        if self.first_ns is None and executions.height:
+            self.first_ns = int(executions["start_ns"].min())  # type: ignore[arg-type]  # an int64 column
+        self.n_failed += int(own["outcome"].is_in(_FAILED).sum())
+        return executions
+
+    def pauses(self, until_ns: int) -> dict[str, list[tuple[int, int, str]]]:
+        """Return execution id -> (start_ns, end_ns, cause) of pauses of open executions."""
+        return pauses(self._events, until_ns)
+
+    def overlaps(self, origin_ns: int, until_ns: int) -> list[Series]:
+        """Return the seconds that each pair of agents has worked at once, with all that is open lasting until now."""
+        until = pl.max_horizontal("start_ns", pl.lit(until_ns)).alias("until_ns")
+        return overlaps_so_far(pl.concat([self._spans, self.open.select("agent", "start_ns", until)]), origin_ns)[0]

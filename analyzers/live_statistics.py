@@ -1,0 +1,119 @@
+"""What statistics need of the runs that have ended, and their analysis beside whatever else goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+
+from hrclog.analyzers.analysis import Analysis, analyze_logs
+from hrclog.analyzers.metrics import MINIMUM_DISTANCE
+from hrclog.analyzers.schemas import SIGNALS
+from hrclog.diagnostic import Diagnostic
+from hrclog.log.checks import check_events, usable, without_copies
+from hrclog.log.message import EVENTS
+from hrclog.log.reader import ORDER, Logs
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """What is kept of a log: of its signals, the values of the smallest distance, by run."""
+
+    events: pl.DataFrame
+    distances: dict[str, pl.Series]
+    diagnostics: list[Diagnostic]
+
+
+class EndedRuns:
+    """The runs that have ended, by the log that holds them."""
+
+    def __init__(self) -> None:
+        self._logs: dict[Path, _Kept] = {}
+
+    def put(self, path: Path, logs: Logs) -> None:
+        """Take in a log, in place of what was there under that path."""
+        near = logs.signals.filter(pl.col("name") == MINIMUM_DISTANCE)
+        distances = {str(run): part["value"] for (run,), part in near.group_by("run_id", maintain_order=True)}
+        self._logs[path] = _Kept(logs.events, distances, logs.diagnostics)
+
+    def drop(self, path: Path) -> None:
+        """Forget a log."""
+        self._logs.pop(path, None)
+
+    def starts(self) -> pl.DataFrame:
+        """Return one row per run, the earliest first: run_id, start_ns and the path of its last log."""
+        found = (
+            self._events()
+            .group_by("run_id")
+            .agg(pl.col("time_ns").min().alias("start_ns"), pl.col("path").sort_by("time_ns").last())
+        )
+        return found.sort("start_ns", "run_id")
+
+    def events_of(self, run_id: str) -> pl.DataFrame:
+        """Return a run's events, schema `EVENTS`, in order."""
+        return usable(self._events().filter(pl.col("run_id") == run_id)).sort(ORDER, maintain_order=True)
+
+    def logs(self) -> Logs:
+        """Return everything together, as if it had been read at once."""
+        events, copies = without_copies(self._events())
+        events = events.sort(ORDER, maintain_order=True)
+        kept = [self._logs[path] for path in sorted(self._logs)]
+        diagnostics = [one for log in kept for one in log.diagnostics]
+        signals = [
+            pl.DataFrame({"value": values}).select(
+                pl.lit(run).alias("run_id"), pl.lit(MINIMUM_DISTANCE).alias("name"), pl.lit(0).alias("time_ns"), "value"
+            )
+            for log in kept
+            for run, values in log.distances.items()
+        ]
+        diagnostics += [*copies, *check_events(events)]
+        samples = pl.concat([SIGNALS.to_frame(), *(part.cast(SIGNALS) for part in signals)])
+        return Logs(usable(events), samples, diagnostics, sorted(self._logs))
+
+    def _events(self) -> pl.DataFrame:
+        return pl.concat([EVENTS.to_frame(), *(self._logs[path].events for path in sorted(self._logs))])
+
+
+class Statistics:
+    """Analyses the runs that have ended, in a thread of its own; once more if there are others by then.
+
+    Args:
+        ended: the runs.
+        show: given each analysis, in that thread.
+    """
+
+    def __init__(self, ended: EndedRuns, show: Callable[[Analysis], None]) -> None:
+        self._ended = ended
+        self._show = show
+        self._thread = ThreadPoolExecutor(1, "hrclog-statistics")
+        self._under_way: Future[None] | None = None
+        self._due = False
+
+    def changed(self) -> None:
+        """Say that the runs are others than before."""
+        self._due = True
+
+    def step(self) -> bool:
+        """Begin what is due, unless something is under way; return whether all is done."""
+        if self._under_way is not None and self._under_way.done():
+            self._under_way.result()
+            self._under_way = None
+        if self._due and self._under_way is None:
+            self._due = False
+            logs = self._ended.logs()
+            if logs.events.height:
+                self._under_way = self._thread.submit(lambda: self._show(analyze_logs(logs)))
+        return self._under_way is None and not self._due
+
+    def finish(self) -> None:
+        """Wait until all is done."""
+        while not self.step():
+            if self._under_way is not None:
+                self._under_way.result()
+
+    def close(self) -> None:
+        """Let go of the thread, once it has done what it is at."""
+        self._thread.shutdown(wait=True, cancel_futures=True)

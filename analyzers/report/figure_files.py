@@ -1,0 +1,66 @@
+"""A report's figures as files for papers and slides."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from hrclog.analyzers.figures.plot import Plot
+from hrclog.analyzers.report.document import Report
+from hrclog.errors import OutputError
+from hrclog.file_names import file_stem
+
+_LONGEST_PART: Final = 60  # bytes
+_LONGEST_NAME: Final = 200  # bytes, of the 255 that file systems take
+
+
+def figure_names(plots: Iterable[Plot]) -> list[str]:
+    """Return a file name without ending per plot, made of its path; numbers tell apart what would be one file."""
+    taken: set[str] = set()
+    names = []
+    for plot in plots:
+        stem = "-".join(filter(None, (file_stem(part, _LONGEST_PART) for part in plot.path)))
+        stem = file_stem(stem, _LONGEST_NAME) or "figure"
+        name, number = stem, 1
+        while _folded(name) in taken:
+            number += 1
+            name = f"{stem}-{number}"
+        taken.add(_folded(name))
+        names.append(name)
+    return names
+
+
+def save_figures(
+    plots: list[Plot], folder: Path, ending: str, save: Callable[[Plot, Path], None], on_step: Callable[[], None]
+) -> list[Path]:
+    """Write one file per plot into a folder, which is made where it is missing, and return them.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    paths = [folder / f"{name}{ending}" for name in figure_names(plots)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for plot, path in zip(plots, paths, strict=True):
+            save(plot, path)
+            on_step()
+    except OSError as error:
+        raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
+    return paths
+
+
+def report_plots(report: Report) -> list[Plot]:
+    """Return the plots of a report in its order, each with its number, those of runs with the run's name too."""
+    of_all = [(figure, "") for section in report.sections for figure in section.figures]
+    of_runs = [(figure, f"{run.entry}: ") for run in report.runs for figure in run.figures]
+    return [
+        replace(figure.plot, title=f"Figure {figure.number}. {name}{figure.plot.title}")
+        for figure, name in (*of_all, *of_runs)
+    ]
+
+
+def _folded(name: str) -> str:
+    return unicodedata.normalize("NFD", unicodedata.normalize("NFD", name).casefold())

@@ -1,0 +1,122 @@
+"""How a report's numbers were made: definitions, what the estimator assumes, versions, and from which events."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections import Counter
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from hrclog._version import __version__
+from hrclog.analyzers.figures.text import printable
+from hrclog.diagnostic import CODES, Severity
+from hrclog.knowledge.records import in_order, versions
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.analysis import Analysis
+
+_ESTIMATORS: Final = {
+    "aft": (
+        "a rate model: while another's task runs, work goes on at 1/s of its rate; work is log-normal, and factors are "
+        "shrunk towards 1. It assumes that disturbance depends on which task the other runs, not on how far that is, "
+        "and that failures do not depend on how long the work would have taken."
+    ),
+    "bayes": (
+        "the Bayesian regression of Sandrini, Faroni and Pedrocchi (RCIM 2025). It takes the share of a task's work "
+        "that is done beside another for the share of its time, so strong factors come out about a third too small."
+    ),
+    "ols": (
+        "the least squares of the authors' code (Sandrini, Faroni, Pedrocchi, ETFA 2022). Strong factors come out "
+        "about a third too small, and factors below 0 are possible."
+    ),
+    "paper": (
+        "the regression as printed in Sandrini, Faroni and Pedrocchi (ETFA 2022), kept for comparison; its "
+        "coefficients should not be planned with."
+    ),
+}
+_OUTLIERS: Final = {
+    "none": "No execution was left out as an outlier.",
+    "isolation-forest": (
+        "An isolation forest left out what it calls outliers, commonly a sixth to a third of the executions, from both "
+        "tails; among them are the slowest, which are the effect to be learnt."
+    ),
+}
+_SYNERGY: Final = (
+    "The factor on a task's mean duration while another agent's task runs all the time: above 1 is slower. The mean is "
+    "over all executions that succeeded, slow-downs included; synergy_free is relative to undisturbed work instead, "
+    "where there was enough of it."
+)
+_OVERLAP: Final = (
+    "Executions occupy [start, end); two of different agents in one run overlap by max(0, min(ends) - max(starts)). n "
+    "counts pairs of executions that overlapped. A pair of tasks that never overlapped has no factor, and is never "
+    "taken for 1."
+)
+_DURATION: Final = "End minus start, pauses and slow-downs included: how long the task really took."
+_MAKESPAN: Final = "From a run's first start to its last end; of an open execution to its last sign of life."
+_PACKAGES: Final = ("numpy", "polars", "scipy", "scikit-learn")
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """A kind of diagnostic, how often it was made, and what it means."""
+
+    severity: Severity
+    code: str
+    count: int
+    meaning: str
+
+
+def definitions(analysis: Analysis) -> tuple[tuple[str, str], ...]:
+    """Return (term, meaning) of what the report speaks of."""
+    return (
+        ("Synergy", _SYNERGY),
+        ("Estimator", f"{analysis.estimator}: {_ESTIMATORS[analysis.estimator]}"),
+        ("Intervals", _intervals(analysis.bootstrap)),
+        ("Overlap", _OVERLAP),
+        ("Success", _success(analysis.estimator)),
+        ("Duration", _DURATION),
+        ("Makespan", _MAKESPAN),
+        ("Outliers", _OUTLIERS[analysis.outliers]),
+    )
+
+
+def _intervals(draws: int) -> str:
+    source = f"{draws:,} draws of whole runs with repetition" if draws else "the estimator's own errors"
+    chance = "Of intervals about no effect, one in twenty excludes 1 by chance."
+    meant = f"They are to hold the true factor 95 % of the time, and come from {source}."
+    return f"{meant} {chance} Those of success rates are Wilson's."
+
+
+def _success(estimator: str) -> str:
+    others = "are counted, and the estimator takes them as cut short" if estimator == "aft" else "are counted"
+    return (
+        "An execution succeeded if its end says so, and durations are of those alone. Executions that failed, timed "
+        f"out, were canceled or are open {others}."
+    )
+
+
+def provenance(analysis: Analysis, command: str) -> tuple[tuple[str, str], ...]:
+    """Return (name, value) of what the report was made from and with."""
+    digest = events_digest(analysis.events)
+    events = f"{analysis.events.height:,} events, SHA-256 {digest}"
+    packages = ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in _PACKAGES)])
+    made = (("Command", printable(command)),) if command else ()
+    return (*made, ("Events", events), ("hrclog", __version__), ("Made with", packages))
+
+
+def events_digest(events: pl.DataFrame) -> str:
+    """Return the SHA-256 of the decoded events of all runs, the same in whatever files and order they are."""
+    sha = hashlib.sha256()
+    for run, known in sorted(versions(in_order(events)).items()):
+        sha.update(f"{run}\n{known.digest}\n".encode())
+    return sha.hexdigest()
+
+
+def remarks(analysis: Analysis) -> tuple[Remark, ...]:
+    """Return what was remarkable about the logs, what lost data first."""
+    counts = Counter(diagnostic.code for diagnostic in analysis.diagnostics)
+    return tuple(Remark(severity, code, counts[code], text) for code, (severity, text) in CODES.items() if counts[code])

@@ -1,0 +1,164 @@
+"""What streams into a viewer while runs are recorded: a recording per run that grows, and one of all runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import polars as pl
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.blueprint import archetypes as rrba
+
+from hrclog.analyzers.figures.campaign import CampaignFigures
+from hrclog.analyzers.figures.plot import Page, page_plots
+from hrclog.analyzers.figures.run import RunFigures
+from hrclog.analyzers.figures.table import DataTable
+from hrclog.analyzers.live_lanes import LaneKey, LaneNews
+from hrclog.analyzers.live_run import LivePart
+from hrclog.analyzers.rerun import campaign_pictures, run_application, send_campaign, send_run
+from hrclog.analyzers.rerun_layout import campaign_blueprint, run_blueprint
+from hrclog.analyzers.rerun_recording import TIMELINE, Layout, entity, times
+
+CAMPAIGN_APPLICATION: Final = "hrclog campaign"
+
+
+class _Stream:
+    """A recording in a viewer, whose layout is sent when it changes.
+
+    Args:
+        url: of the viewer.
+        application: whose layout it has.
+        recording_id: of the recording, which may be in the viewer already.
+    """
+
+    def __init__(self, url: str, application: str, recording_id: str) -> None:
+        self.rec = rr.RecordingStream(application, recording_id=recording_id, send_properties=False)
+        self.rec.connect_grpc(url)
+        self._shape: object = None
+        self._name = ""
+
+    def name(self, name: str) -> None:
+        """Give the recording a name to show."""
+        if name != self._name:
+            self.rec.send_recording_name(name)
+            self._name = name
+
+    def lay_out(self, layout: Layout) -> None:
+        """Send a layout if it differs from the one before: it brings the recording to the front, and undoes what the user has moved."""
+        layout.blueprint_panel = rrb.BlueprintPanel(state="expanded")  # it lists the recordings
+        shape = list(_shape(layout.root_container))
+        if shape != self._shape:
+            self.rec.send_blueprint(layout, make_active=True)
+            layout.close()
+            self._shape = shape
+
+    def close(self) -> None:
+        """Send what is still to be sent, and let go of the viewer."""
+        self.rec.disconnect()
+
+
+class RunStream(_Stream):
+    """The recording of a run that goes on, or of one that is over.
+
+    Args:
+        url: of the viewer.
+        figures: of the run, for its name.
+        recording_id: of the recording.
+    """
+
+    def __init__(self, url: str, figures: RunFigures, recording_id: str) -> None:
+        super().__init__(url, run_application(figures), recording_id)
+
+    def send(self, part: LivePart) -> None:
+        """Send what is new of a run that goes on."""
+        self.lay_out(_following(run_blueprint(part.outline)))
+        for key, news in part.lanes.items():
+            _send_lane(self.rec, key, news)
+        _send_rows(self.rec, part.rows)
+        send_run(self.rec, part.figures)
+        self.tick(part.now_ns)
+
+    def tick(self, now_ns: int) -> None:
+        """Let time go on: what is open is drawn up to its end."""
+        self.rec.send_columns("/clock", [times([now_ns])], rr.AnyValues.columns(now_s=[now_ns / 1e9]))
+
+    def send_whole(self, figures: RunFigures) -> None:
+        """Send a run that is over."""
+        self.lay_out(_following(run_blueprint(figures)))
+        send_run(self.rec, figures)
+
+
+class CampaignStream(_Stream):
+    """The recording of all runs that have ended; each is laid over the one before.
+
+    Args:
+        url: of the viewer.
+        recording_id: of the recording.
+    """
+
+    def __init__(self, url: str, recording_id: str) -> None:
+        super().__init__(url, CAMPAIGN_APPLICATION, recording_id)
+
+    def send(self, figures: CampaignFigures) -> None:
+        """Send the pictures and tables."""
+        # of steps the last one: each picture before it would be sent again whenever a run ends, and kept
+        figures = replace(figures, pages=tuple(Page(page.name, tuple(page_plots(page))) for page in figures.pages))
+        pictures = campaign_pictures(figures)
+        layout = campaign_blueprint(figures, pictures)
+        for view in _views(layout.root_container):
+            view.properties.pop("VisualBounds2D", None)  # without, a view follows the size of its picture
+        self.lay_out(layout)
+        self.name(figures.name)
+        send_campaign(self.rec, figures, pictures)
+
+
+def _following(layout: Layout) -> Layout:
+    """Let a layout of a run show all of it, however long it gets, with the cursor at its end."""
+    always = rr.TimeRangeBoundary.infinite()
+    for view in _views(layout.root_container):
+        if "TimeAxis" in view.properties:
+            view.properties["TimeAxis"] = rrba.TimeAxis(view_range=rr.TimeRange(start=always, end=always))
+    layout.time_panel = rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following")
+    return layout
+
+
+def _views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
+    if isinstance(part, rrb.View):
+        yield part
+    else:
+        for inner in part.contents:
+            yield from _views(inner)
+
+
+def _shape(part: rrb.Container | rrb.View) -> Iterator[object]:
+    """Yield all that makes a layout, but for the random numbers by which its parts are known."""
+    if isinstance(part, rrb.View):
+        yield part.class_identifier, part.origin, part.name, str(part.properties)
+    else:
+        yield part.kind, part.name, str(part.row_shares), str(part.column_shares)
+        for inner in part.contents:
+            yield from _shape(inner)
+        yield "end"
+
+
+def _send_rows(rec: rr.RecordingStream, table: DataTable) -> None:
+    if table.frame.height and table.times_ns is not None:
+        columns = {column.name: _arrow(column) for column in table.frame}
+        rec.send_columns("/tasks/rows", [times(table.times_ns)], rr.AnyValues.columns(**columns), strict=True)
+
+
+def _arrow(column: pl.Series) -> pa.Array:
+    return column.to_arrow().cast(pa.string()) if column.dtype == pl.String else column.to_arrow()
+
+
+def _send_lane(rec: rr.RecordingStream, key: LaneKey, news: LaneNews) -> None:
+    agent, kind, number = key
+    path = entity("timeline", agent, f"{kind}_{number + 1}" if number else kind)
+    labels = list(news.colors)
+    colors = np.array([(*color, 255) for color in news.colors.values()], np.uint8)
+    rec.log(path, rr.StateConfiguration(values=labels, labels=labels, colors=colors), static=True, strict=True)
+    rec.send_columns(path, [times(news.times_ns)], rr.StateChange.columns(state=news.states), strict=True)
