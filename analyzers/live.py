@@ -23,7 +23,7 @@ from hrclog.log.files import exists
 from hrclog.log.reader import Logs, read_log
 from hrclog.log.watch import Listing, Stamp, finished_log, list_folder
 
-POLL_S: Final = 0.5
+EVERY_S: Final = 0.5
 DRAWN_RUNS: Final = 3
 """How many runs are drawn, the latest ones, of those that are found when they are over."""
 
@@ -44,7 +44,7 @@ def follow(
     url: str,
     wait: Callable[[float], bool],
     *,
-    poll_s: float = POLL_S,
+    every_s: float = EVERY_S,
     until_idle_s: float | None = None,
     tell: Tell = lambda _: None,
     on_file: Callable[[Path], None] = lambda _: None,
@@ -56,7 +56,7 @@ def follow(
         folder: into which runs are recorded; those that are there already count in the statistics.
         url: of the viewer, `rerun+http://127.0.0.1:PORT/proxy`.
         wait: waits so many seconds, and says whether it is enough.
-        poll_s: how often to look.
+        every_s: how often to look.
         until_idle_s: also end after so many seconds without anything new.
         tell: told what is not drawn, and what cannot be read.
         on_file: called after each log that is there already, for progress.
@@ -76,7 +76,7 @@ def follow(
             if live.look():
                 last_news = began
             took = time.monotonic() - began
-            enough = wait(max(poll_s - took, took))  # rests for half of the time, whatever there is to do
+            enough = wait(max(every_s - took, took))  # rests for half of the time, whatever there is to do
             if until_idle_s is not None and time.monotonic() - last_news >= until_idle_s:
                 live.statistics.finish()
                 enough = True

@@ -11,7 +11,7 @@ from hrclog.scene import Scene
 
 
 class LiveCell:
-    """The cell of one run.
+    """The cell of one run; `has_news` while something is not drawn yet.
 
     Args:
         run_id: whose.
@@ -29,13 +29,12 @@ class LiveCell:
 
     def take(self, said: RecordedScene) -> None:
         """Take in what is new; of two scenes or descriptions the first one counts."""
-        self.has_news = True
-        if self._scene is None:
-            self._scene = said.scenes.get(self._run_id)
+        self._scene = self._scene or said.scenes.get(self._run_id)
         for (run_id, agent), text in said.descriptions.items():
             if run_id == self._run_id:
                 self._descriptions.setdefault(agent, text)
         poses = said.poses.filter(pl.col("run_id") == self._run_id)
+        self.has_news |= bool(said.scenes or said.descriptions or poses.height)
         if poses.height:
             self._poses = pl.concat([self._poses, poses])
             self._posed_ns = max(self._posed_ns, int(poses["time_ns"].max()))  # type: ignore[arg-type]  # an int64 column

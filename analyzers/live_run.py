@@ -70,6 +70,7 @@ class LiveRun:
         self.origin_ns = int(events["time_ns"].min())  # type: ignore[arg-type]  # an int64 column
         self.latest_ns = self.origin_ns
         self.has_ended = False
+        self._was_alive = True
         self._last_seq = -1
         self._first = events.head(1).with_columns(time_ns=pl.lit(self.origin_ns))
         self._run: dict[str, Any] = runs(events, INTERVALS.to_frame()).row(0, named=True)
@@ -129,11 +130,17 @@ class LiveRun:
         events = pl.concat([EVENTS.to_frame(), *self._events])
         signals = pl.concat([SIGNAL_COLUMNS.to_frame(), *self._signals])
         self._events, self._signals = [], []
-        executions = self._executions.take(events)
         safety = pl.concat([self._safety, events.filter(pl.col("kind") == "safety_state_changed")])
-        self._lanes.take_executions(executions, self._executions.pauses(now_ns), now_ns, alive=alive)
-        self._lanes.take_safety(safety_lanes(safety, self.origin_ns, now_ns))
-        rows = self._draw(executions, pl.concat([self._first, self._safety]), events, signals, now_ns, alive=alive)
+        if events.height or signals.height or self._cell.has_news or alive != self._was_alive:
+            executions = self._executions.take(events)
+            self._lanes.take_executions(executions, self._executions.pauses(now_ns), now_ns, alive=alive)
+            self._lanes.take_safety(safety_lanes(safety, self.origin_ns, now_ns))
+            known = pl.concat([self._first, self._safety])
+            rows = self._draw(executions, known, events, signals, now_ns, alive=alive)
+        else:  # nothing but time has gone on
+            rows = replace(self.figures.tasks, frame=self.figures.tasks.frame.head(0))
+            self.figures = replace(self.figures, series=(), events=_NO_LINES, cell=None)
+        self._was_alive = alive
         lines = self._lines.news(self.figures.series, safety, self._executions, now_ns, alive=alive)
         self._safety = safety.unique("agent", keep="last", maintain_order=True)
         figures = replace(self.figures, series=lines)

@@ -14,7 +14,7 @@ from hrclog.analyzers.drawing import Picture
 from hrclog.analyzers.figures.campaign import CampaignFigures
 from hrclog.analyzers.figures.gantt import Gantt
 from hrclog.analyzers.figures.palette import CARD
-from hrclog.analyzers.figures.plot import Page, Plot, page_plots
+from hrclog.analyzers.figures.plot import Page, page_plots
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.figures.text import shorten
@@ -111,15 +111,24 @@ def campaign_blueprint(figures: CampaignFigures, pictures: Mapping[tuple[str, ..
 
 
 def _page(page: Page, pictures: Mapping[tuple[str, ...], Picture]) -> rrb.Container:
-    views = [_picture_view(plot, pictures[plot.path]) for plot in page_plots(page)]
-    return rrb.Horizontal(*views, name=page.name) if len(views) <= 2 else rrb.Tabs(*views, name=page.name)
+    views = [_picture_view(plot.path, plot.title, pictures) for plot in page.plots]
+    views += [_picture_view(steps.plots[-1].path, steps.title, pictures) for steps in page.steps]
+    if len(views) > 2:
+        return rrb.Tabs(*views, name=page.name)
+    shapes = [pictures[plot.path].pixels.shape for plot in page_plots(page)]
+    wide = all(width > _WIDE * height for height, width, _ in shapes)
+    return rrb.Vertical(*views, name=page.name) if wide else rrb.Horizontal(*views, name=page.name)
 
 
-def _picture_view(plot: Plot, picture: Picture) -> rrb.View:
-    height, width = picture.pixels.shape[:2]
+_WIDE: Final = 1.6
+"""Width over height of pictures that lie better above each other than side by side."""
+
+
+def _picture_view(path: tuple[str, ...], name: str, pictures: Mapping[tuple[str, ...], Picture]) -> rrb.View:
+    height, width = pictures[path].pixels.shape[:2]
     bounds = rrb.VisualBounds2D(x_range=(0, width), y_range=(0, height))
-    origin = f"{entity(*plot.path)}/picture"
-    return rrb.Spatial2DView(origin=origin, name=shorten(plot.title, 60), background=CARD, visual_bounds=bounds)
+    origin = f"{entity(*path)}/picture"
+    return rrb.Spatial2DView(origin=origin, name=shorten(name, 60), background=CARD, visual_bounds=bounds)
 
 
 def _table_view(table: DataTable) -> rrb.View:

@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint import archetypes as rrba
 
 from hrclog.analyzers.figures.campaign import CampaignFigures
-from hrclog.analyzers.figures.plot import Page, page_plots
+from hrclog.analyzers.figures.plot import Page
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.live_lanes import LaneKey, LaneNews
@@ -48,7 +48,10 @@ class _Stream:
             self._name = name
 
     def lay_out(self, layout: Layout) -> None:
-        """Send a layout if it differs from the one before: it brings the recording to the front, and undoes what the user has moved."""
+        """Send a layout if it differs from the one before.
+
+        It brings the recording to the front, and undoes what the user has moved.
+        """
         layout.blueprint_panel = rrb.BlueprintPanel(state="expanded")  # it lists the recordings
         shape = list(_shape(layout.root_container))
         if shape != self._shape:
@@ -105,8 +108,9 @@ class CampaignStream(_Stream):
 
     def send(self, figures: CampaignFigures) -> None:
         """Send the pictures and tables."""
-        # of steps the last one: each picture before it would be sent again whenever a run ends, and kept
-        figures = replace(figures, pages=tuple(Page(page.name, tuple(page_plots(page))) for page in figures.pages))
+        # without steps: each of their pictures would be drawn and kept anew whenever a run ends
+        pages = (Page(page.name, page.plots) for page in figures.pages if page.plots)
+        figures = replace(figures, pages=tuple(pages))
         pictures = campaign_pictures(figures)
         layout = campaign_blueprint(figures, pictures)
         for view in _views(layout.root_container):

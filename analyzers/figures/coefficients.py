@@ -8,7 +8,7 @@ from typing import Final
 import polars as pl
 
 from hrclog.analyzers.figures.heatmap import agent_pairs
-from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.figures.text import printable, shorten
 
 MAX_ROWS: Final = 40
 
@@ -65,7 +65,7 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame, max_rows: int) -> Coeffi
     observed = observed.sort("synergy", descending=True, maintain_order=True)
     columns = ("task", "other_task", "synergy", "std_err", "ci_low", "ci_high", "n", "status")
     rows = [
-        Coefficient(f"{shorten(task, 22)} | {shorten(with_, 22)}", value, error, low, high, n or 0, status)
+        Coefficient(f"{printable(task)} | {printable(with_)}", value, error, low, high, n or 0, status)
         for task, with_, value, error, low, high, n, status in observed.select(columns).iter_rows()
     ]
     return Coefficients(agents, f"Synergy: {agent} | {other}", HOW_TO_READ, tuple(rows), tuple(captions))

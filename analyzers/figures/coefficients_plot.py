@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
+from hrclog.analyzers.figures.curves import log_ticks
 from hrclog.analyzers.figures.palette import Color, Paint
 from hrclog.analyzers.figures.plot import NARROW, Axis, Dot, Key, Plot, Stroke
 
@@ -30,8 +31,13 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     """
     lows = [row.value if row.low is None else row.low for row in plot.rows]
     highs = [row.value if row.high is None else row.high for row in plot.rows]
-    furthest = max([_WIDEST, *(1.1 * row.value for row in plot.rows)])
-    low, high = max(min([0.8, *lows]), 0.0), min(max([1.2, *highs]), furthest)
+    values = [row.value for row in plot.rows]
+    log = all(value > 0 for value in values)
+    least, furthest = (
+        min([1 / _WIDEST, *(0.9 * value for value in values)]),
+        max([_WIDEST, *(1.1 * value for value in values)]),
+    )
+    low, high = max(min([0.8, *lows]), least), min(max([1.2, *highs]), furthest)
     clipped = sum(least < low or most > high for least, most in zip(lows, highs, strict=True))
     beyond = (f"{clipped} intervals reach beyond the axis; the table has their ends.",) if clipped else ()
     drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
@@ -41,7 +47,7 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
         path=path,
         title=plot.title,
         reading=plot.reading,
-        x=Axis(low - 0.02 * (high - low), high + 0.02 * (high - low), "factor on the duration", grid=True),
+        x=_axis(low, high, log=log),
         y=Axis(count, 0, ticks=tuple((y, f"{row.name} ({row.n})") for y, row in drawn)),
         area=(NARROW, count * _ROW),
         strokes=(one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high)))),
@@ -49,6 +55,15 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
         keys=_KEYS if drawn else (),
         notes=(*plot.captions, *beyond),
     )
+
+
+def _axis(low: float, high: float, *, log: bool) -> Axis:
+    """Return the axis of factors; on a logarithmic one, twice and half as long are equally far from 1."""
+    label = "factor on the duration"
+    if log:
+        return Axis(low / 1.02, high * 1.02, label, log_ticks(low, high), log=True, grid=True)
+    margin = 0.02 * (high - low)
+    return Axis(low - margin, high + margin, label, grid=True)
 
 
 def _strokes(row: Coefficient, y: float, ends: tuple[float, float]) -> Iterator[Stroke]:

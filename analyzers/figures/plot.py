@@ -149,8 +149,12 @@ class Plot:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """One plot as it was after so many runs: `numbers` rise, `plots` belong to them, all of one path."""
+    """One plot as it was after so many runs: `numbers` rise, `plots` belong to them, all of one path.
 
+    `title` is that of all of them together.
+    """
+
+    title: str
     numbers: tuple[int, ...]
     plots: tuple[Plot, ...]
 

@@ -56,6 +56,7 @@ def settling_heatmaps(settling: pl.DataFrame) -> list[Steps]:
     overlap = last.select(*PAIR, "overlap_s")
     limits = {heatmap.agents: heatmap.limit for heatmap in synergy_heatmaps(last)}
     captions = {agents: (*_CAPTIONS, *axes(cells, "overlap_s", agents).captions) for agents, cells in agent_pairs(last)}
+    titles = {heatmap.agents: f"{heatmap.title}, run by run" for heatmap in synergy_heatmaps(last)}
     plots: dict[tuple[str, str], list[Plot]] = {}
     for number in numbers:
         cells = settling.filter(pl.col("runs") == number).drop("overlap_s").join(overlap, on=PAIR).sort(PAIR)
@@ -64,7 +65,7 @@ def settling_heatmaps(settling: pl.DataFrame) -> list[Steps]:
             agents = heatmap.agents
             shown = replace(heatmap, title=title, captions=captions[agents], common_limit=limits[agents])
             plots.setdefault(agents, []).append(heatmap_plot(shown, ("settling", "synergy", *agents)))
-    return [Steps(tuple(numbers), tuple(plots[agents])) for agents in plots]
+    return [Steps(titles[agents], tuple(numbers), tuple(plots[agents])) for agents in plots]
 
 
 def settling_curves(settling: pl.DataFrame) -> list[Plot]:

@@ -1,7 +1,6 @@
 "use strict";
 // Sorting, filtering, copying and stepping. Without it the page shows the same tables and figures, unsorted and last.
 (() => {
-  const SHOWN = 200;
   const order = new Intl.Collator("en", { numeric: true });
 
   const valueOf = (cell) => cell.dataset.value ?? cell.textContent;
@@ -45,6 +44,7 @@
     const all = [...body.rows, ...(more ? more.content.querySelectorAll("tr") : [])];
     const tools = box.querySelector(".tools"), said = tools.querySelector("output");
     const filter = tools.querySelector("input");
+    const shown = body.rows.length;
     let rows = all;
 
     const say = (text) => { said.textContent = text; };
@@ -52,11 +52,12 @@
       ...matching().map((row) => [...row.cells].map(fieldOf).map(field).join(separator))];
     const matching = () => {
       const wanted = filter ? filter.value.trim().toLowerCase() : "";
-      return wanted ? rows.filter((row) => row.textContent.toLowerCase().includes(wanted)) : rows;
+      const holds = (cell) => `${cell.textContent}\n${valueOf(cell)}`.toLowerCase().includes(wanted);
+      return wanted ? rows.filter((row) => [...row.cells].some(holds)) : rows;
     };
     const show = () => {
       const found = matching();
-      body.replaceChildren(...found.slice(0, SHOWN));
+      body.replaceChildren(...found.slice(0, shown));
       say(found.length === all.length ? "" : `${found.length} of ${all.length} rows`);
     };
 

@@ -1,43 +1,187 @@
-"""`hrclog view`: open a log or a recording in the Rerun viewer."""
+"""`hrclog view`: open a log or a recording in the Rerun viewer, or follow runs while they are recorded."""
 
 from __future__ import annotations
 
+import os
+import signal
 import tempfile
+import threading
 from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Self
 
 import click
 
-from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, tell
+from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, printable, tell
+from hrclog.errors import LogReadError
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.recordings import Chosen
 
 
 @click.command(name="view")
 @click.argument("target", metavar="LOG|RRD|FOLDER", type=click.Path(path_type=Path))
+@click.option(
+    "--run",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="Of a folder, runs with this in their name; or a glob. Repeatable.",
+)
+@click.option("--live", is_flag=True, help="Follow the runs that are being recorded into FOLDER.")
+@click.option(
+    "--until-idle",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="With --live: end after so long without anything new.",
+)
+@click.option(
+    "--every",
+    type=click.FloatRange(min=0.05),
+    default=0.5,
+    show_default=True,
+    metavar="SECONDS",
+    help="With --live: how often to look.",
+)
 @click.option("--web", is_flag=True, help="Serve the viewer to a browser instead of opening a window.")
-@click.option("--port", default=9090, show_default=True, help="Port of the web viewer.")
+@click.option("--port", type=click.IntRange(1, 65535), default=9090, show_default=True, help="Port of the web viewer.")
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Where to analyse a log.  [default: a temporary folder]"
 )
-def command(target: Path, web: bool, port: int, output: Path | None) -> int:  # noqa: FBT001 - click passes flags by name
+def command(
+    target: Path,
+    names: tuple[str, ...],
+    live: bool,  # noqa: FBT001 - click passes flags by name
+    until_idle: float | None,
+    every: float,
+    web: bool,  # noqa: FBT001 - click passes flags by name
+    port: int,
+    output: Path | None,
+) -> int:
     """Open a log (analysing it first), an .rrd or the folder of an analysis in the Rerun viewer.
+
+    With --live, FOLDER is where runs are being recorded: each is drawn while it goes on, and statistics follow as each
+    ends, until the viewer is closed or Ctrl-C.
 
     \b
     Example:
       hrclog view hrclog-out
       hrclog view run.mcap --web
+      hrclog view runs --live
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.viewer import check_viewer, open_viewer, recordings_at
+    web_port = port if web else None
+    if live:
+        if names or output is not None:
+            raise click.UsageError("--live takes neither --run nor -o: it shows what is being recorded")
+        return _follow(target, web_port, every, until_idle)
+    if until_idle is not None:
+        raise click.UsageError("--until-idle is for --live")
+    return _open(target, names, web_port, output)
 
-    recordings = recordings_at(target)
-    check_viewer(recordings or [], web=web)
+
+def _open(target: Path, names: tuple[str, ...], web_port: int | None, output: Path | None) -> int:
+    from hrclog.analyzers.recordings import recordings_at
+    from hrclog.analyzers.viewer import check_viewer, open_viewer
+
+    chosen = recordings_at(target, names)
+    check_viewer(chosen.paths if chosen is not None else (), web_port)
     code = EXIT_FINE
-    if recordings is None:
-        from hrclog.analyzers.analysis import analyze
-        from hrclog.analyzers.output import save
+    if chosen is None:
+        chosen, code = _analysed(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")))
+    if chosen.note:
+        click.echo(printable(chosen.note), err=True)
+    return code if open_viewer(chosen.paths, web_port) == 0 else EXIT_FAILED
 
-        folder = output or Path(tempfile.mkdtemp(prefix="hrclog-view-"))
-        click.echo(f"analysing {target} into {folder}", err=True)
-        analysis = analyze([target])
-        save(analysis, folder)
-        code = tell(analysis.diagnostics)
-        recordings = recordings_at(folder) or []
-    return code if open_viewer(recordings, web_port=port if web else None) == 0 else EXIT_FAILED
+
+def _analysed(target: Path, names: tuple[str, ...], folder: Path) -> tuple[Chosen, int]:
+    """Analyse logs into a folder, and return the recordings there and the exit code."""
+    from hrclog.analyzers.analysis import analyze
+    from hrclog.analyzers.output import RECORDING_NAME, check_writable, drawn_runs, save
+    from hrclog.analyzers.recordings import MOST_RUNS, Chosen, draw, matching_runs
+
+    check_writable(folder)
+    reading = Progress("reading logs")
+    analysis = analyze([target], on_file=reading)
+    reading.done()
+    _check_content(target, analysis)
+    chosen = matching_runs(analysis.runs, names, target) if names else drawn_runs(analysis.runs, MOST_RUNS)
+    click.echo(printable(f"analysing {target} into {folder}"), err=True)
+    save(analysis, folder, most_recordings=0)
+    drawing = Progress("drawing runs", len(chosen))
+    paths = draw(analysis, chosen, folder, drawing)
+    drawing.done()
+    rest = 0 if names else analysis.runs.height - len(chosen)
+    note = f"opening {len(chosen)} of {analysis.runs.height:,} runs, evenly spread; --run NAME chooses" if rest else ""
+    return Chosen((folder / RECORDING_NAME, *paths), note), tell(analysis.diagnostics)
+
+
+def _check_content(target: Path, analysis: Analysis) -> None:
+    """Raise if there is nothing to see."""
+    agents = analysis.runs["agents"].explode().drop_nulls()
+    if analysis.events.is_empty() or agents.is_empty():
+        found = "no events" if analysis.events.is_empty() else "events of no agent"
+        remedy = f"hrclog info {target} says what is in it"
+        raise LogReadError(target, found, "agents that do something", remedy)
+
+
+def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
+    # when its window is closed, Rerun would complain about what it cannot send any more
+    os.environ.setdefault("RUST_LOG", "off")
+    from hrclog.analyzers.live import Followed, follow
+    from hrclog.analyzers.viewer import running_viewer
+    from hrclog.log.watch import list_folder
+
+    list_folder(folder)
+    reading = Progress("reading logs")
+    followed = Followed()
+    with _Stop() as stop, running_viewer(web_port) as viewer:
+        if viewer.page:
+            click.echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
+
+        def enough(seconds: float) -> bool:
+            return stop.wait(seconds) or not viewer.is_open()
+
+        try:
+            follow(
+                folder,
+                viewer.url,
+                enough,
+                every_s=every_s,
+                until_idle_s=until_idle_s,
+                tell=lambda text: click.echo(printable(text), err=True),
+                on_file=reading,
+                followed=followed,
+            )
+        finally:
+            reading.done()
+            n_runs, n_ended = len(followed.runs), len(followed.ended)
+            click.echo(f"followed {n_runs:,} run{'' if n_runs == 1 else 's'}, {n_ended:,} ended", err=True)
+        code = viewer.process.poll()
+    return EXIT_FAILED if code else EXIT_FINE
+
+
+class _Stop:
+    """SIGINT and SIGTERM while it is entered: the first one is a request."""
+
+    def __init__(self) -> None:
+        self._asked = threading.Event()
+
+    def __enter__(self) -> Self:
+        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._restore()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait so long, or until asked to stop; return whether that was so."""
+        return self._asked.wait(seconds)
+
+    def _ask(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the form of a signal handler
+        self._asked.set()
+        self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)

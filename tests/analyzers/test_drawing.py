@@ -18,10 +18,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from hrclog.analyzers import drawing, drawing_shapes
-from hrclog.analyzers.drawing_layout import Layout, lay_out
-from hrclog.analyzers.drawing_marks import Pen
-from hrclog.analyzers.drawing_scale import Scale
+from hrclog.analyzers import drawing
+from hrclog.analyzers.drawing import shapes as drawing_shapes
+from hrclog.analyzers.drawing.layout import Layout, lay_out
+from hrclog.analyzers.drawing.marks import Pen
+from hrclog.analyzers.drawing.scale import Scale
 from hrclog.analyzers.figures.palette import DARK, LIGHT, Color, diverging
 from hrclog.analyzers.figures.plot import Axis, Band, ColorBar, Dot, Key, Plot, Rect, Stroke, Text
 from hrclog.errors import OutputError
@@ -169,6 +170,15 @@ def test_names_that_do_not_fit_are_counted() -> None:
     assert any(re.fullmatch(r"\d+ names at the axes do not fit\.", text) for text in said)
 
 
+def test_an_axis_of_numbers_has_a_line_and_one_of_names_has_none() -> None:
+    def lines(*names: str) -> int:
+        ticks = tuple((index + 0.5, name) for index, name in enumerate(names))
+        return len(laid_out(Plot(("x",), "X", "", Axis(0, 4, ticks=ticks), Axis(4, 0, ticks=ticks))).sheet.lines)
+
+    assert lines("screw", "2") == 0
+    assert lines("1", "-2.5", "1,000") == 2 * (1 + 3)
+
+
 @pytest.mark.parametrize("captions", [True, False])
 def test_the_area_has_the_size_that_was_asked_for(captions: bool) -> None:
     left, top, right, bottom = laid_out(matrix(NAMES, (517, 263)), captions=captions).frame.area
@@ -246,14 +256,14 @@ def test_a_long_line_has_no_gap() -> None:
 
 
 def test_a_line_is_interrupted_where_it_has_no_value() -> None:
-    points = ((0.0, 1.0), (4.0, 1.0), (5.0, math.nan), (6.0, 1.0), (10.0, 1.0))
+    points = ((0.0, 1.0), (4.0, 1.0), (4.5, math.nan), (5.5, math.nan), (6.0, 1.0), (10.0, 1.0))
     plot = Plot(("x",), "X", "", Axis(0, 10), Axis(0, 2), (300, 90), strokes=(Stroke(points, GARISH, 3),))
     picture = drawing.pixels(plot)
     columns = {int(x) for x in spots(picture.pixels, GARISH)[:, 0]}
     assert int(picture.at(plot, (2, 1))[0]) in columns
     assert int(picture.at(plot, (5, 1))[0]) not in columns
     xs = tuple(point[0] for point in points)
-    banded = replace(plot, bands=(Band(xs, (0.5,) * 5, tuple(y for _, y in points), GARISH),))
+    banded = replace(plot, bands=(Band(xs, (0.5,) * 6, tuple(y for _, y in points), GARISH),))
     assert len(list(drawing_shapes.patches(laid_out(banded).frame))) == 2
 
 

@@ -201,8 +201,8 @@ def test_synergies_over_runs_read_back_as_a_picture_per_step(tmp_path: Path) -> 
         path = "/" + "/".join(part.replace(" ", "\\ ") for part in steps.plots[0].path)
         read = columns(tmp_path / "campaign.rrd", f"{path}/picture")
         assert tuple(read["runs"]) == steps.numbers == (1, 2, 5, 12)
-        assert len(read["buffer"]) == 4
-        assert read["buffer"][0] != read["buffer"][-1]
+        assert len(read["blob"]) == 4
+        assert read["blob"][0] != read["blob"][-1]
     assert rerun("verify", tmp_path / "campaign.rrd") == 0
 
 
@@ -243,7 +243,10 @@ def test_hostile_names_stay_apart_and_whole(tmp_path: Path) -> None:
 def test_hostile_names_do_no_harm_to_a_campaign(tmp_path: Path) -> None:
     path = tmp_path / "campaign.rrd"
     save_campaign(campaign_of(HOSTILE[:3], HOSTILE), path)
-    assert len([entity for entity in entities(path) if entity.startswith("/synergy/") and entity.endswith("/picture")]) == 6
+    assert (
+        len([entity for entity in entities(path) if entity.startswith("/synergy/") and entity.endswith("/picture")])
+        == 6
+    )
     assert rerun("verify", path) == 0
 
 

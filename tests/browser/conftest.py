@@ -16,6 +16,8 @@ from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.figures.plot import Axis, Plot, Stroke
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.report.document import Figure, Report, Section, report
+from hrclog.analyzers.report.findings import Finding
+from hrclog.analyzers.report.methods import Remark
 from hrclog.analyzers.report.save import write_report
 from hrclog.analyzers.report.tables import page_table
 
@@ -36,15 +38,22 @@ def browser() -> Iterator[Browser]:
 
 
 def with_more(said: Report) -> Report:
-    """Return a report with a figure that grew with the runs, and a long table with numbers that are not known."""
+    """Return a report with a figure that grew with the runs, a long table with unknown numbers, and lost data."""
     stages = tuple((number, _grown(number)) for number in (2, 5, 12))
     number = len(said.figures) + 1
     section = Section("page-grown", "Grown", (Figure(number, stages[-1][1], stages),))
     values = [None if place % 50 == 3 else value for place, value in enumerate(NUMBERS)]
     names = [f'name "{place}", =x' if place else "=1+1\tx" for place in range(len(values))]
+    names[9] = f"long_{'_' * 40}hidden_part{'_' * 40}"
     frame = pl.DataFrame({"name": names, "value_of_it": values})
     table = page_table(DataTable("long", "Long", frame, "A long one."), "table-long")
-    return replace(said, sections=(*said.sections, section), tables=(*said.tables, table))
+    return replace(
+        said,
+        findings=(Finding("Data was lost.", kind="lost"), *said.findings),
+        sections=(*said.sections, section),
+        tables=(*said.tables, table),
+        remarks=(Remark("error", "truncated", 1, "the file ends inside a record"), *said.remarks),
+    )
 
 
 def _grown(number: int) -> Plot:

@@ -15,10 +15,10 @@ from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox, IdentityTransform, Transform, TransformedBbox
 
-from hrclog.analyzers import drawing_shapes as shapes
-from hrclog.analyzers.drawing_fonts import font, is_wide
-from hrclog.analyzers.drawing_layout import Layout
-from hrclog.analyzers.drawing_sheet import Box, Circle, Label, Trace
+from hrclog.analyzers.drawing import shapes
+from hrclog.analyzers.drawing.fonts import font, is_wide
+from hrclog.analyzers.drawing.layout import Layout
+from hrclog.analyzers.drawing.sheet import Box, Circle, Label, Trace
 from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.palette import Paint
 
@@ -48,14 +48,12 @@ class _Line(Text):
             rotation=label.angle,
             rotation_mode="anchor",
             fontproperties=font(label.size * points, bold=label.bold, wide=is_wide(label.text)),
-            parse_math=False,
-            usetex=False,
             transform=transform,
         )
         self._start = label.start
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw it from the start of its baseline."""
+        """Draw it from the start of its baseline, as it is: a dollar begins no formula."""
         _, height = renderer.get_canvas_width_height()
         x, y = self.get_transform().transform(self._start)
         gc = renderer.new_gc()

@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from hrclog.analyzers.drawing_fonts import one_line
-from hrclog.analyzers.drawing_scale import Scale
-from hrclog.analyzers.drawing_sheet import Bounds, Box, Circle, Label, Trace
+from hrclog.analyzers.drawing.fonts import one_line
+from hrclog.analyzers.drawing.scale import Scale
+from hrclog.analyzers.drawing.sheet import Bounds, Box, Circle, Label, Trace
 from hrclog.analyzers.figures.arrays import BoolArray, FloatArray
 from hrclog.analyzers.figures.palette import Paint
 from hrclog.analyzers.figures.plot import Plot, Stroke, Text
@@ -105,15 +105,12 @@ def labels(frame: Frame) -> Iterator[Label]:
     if not plot.texts:
         return
     spots = _px(frame, np.array([text.at for text in plot.texts], dtype=np.float64))
-    rooms = _rooms(frame, plot)
     seen = _inside(frame, spots)
-    for text, (x, y), room, shown in zip(plot.texts, spots.tolist(), rooms, seen.tolist(), strict=True):
-        label = (
-            Label((x, y), one_line(text.text), text.size, text.paint, text.anchor, text.bold)
-            if shown and text.text
-            else None
-        )
-        if label is not None and (room is None or label.width <= room):
+    for text, (x, y), shown in zip(plot.texts, spots.tolist(), seen.tolist(), strict=True):
+        if not (shown and text.text):
+            continue
+        label = Label((x, y), one_line(text.text), text.size, text.paint, text.anchor, text.bold)
+        if text.room is None or label.width <= _room(frame, text, text.room):
             yield label
 
 
@@ -161,10 +158,6 @@ def _stretches(columns: FloatArray) -> list[FloatArray]:
     whole = ~np.isnan(columns).any(axis=1)
     cuts = np.flatnonzero(np.diff(whole)) + 1
     return [stretch for stretch in np.split(columns, cuts) if len(stretch) > 1 and not np.isnan(stretch).any()]
-
-
-def _rooms(frame: Frame, plot: Plot) -> list[float | None]:
-    return [None if text.room is None else _room(frame, text, text.room) for text in plot.texts]
 
 
 def _room(frame: Frame, text: Text, room: float) -> float:

@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from hrclog.analyzers.drawing_fonts import LINE, balanced, fitted_all, one_line, text_width
-from hrclog.analyzers.drawing_scale import Scale
-from hrclog.analyzers.drawing_shapes import Frame
-from hrclog.analyzers.drawing_sheet import Label, Sheet, Trace
+from hrclog.analyzers.drawing.fonts import LINE, balanced, fitted_all, one_line, text_width
+from hrclog.analyzers.drawing.scale import Scale
+from hrclog.analyzers.drawing.shapes import Frame
+from hrclog.analyzers.drawing.sheet import Label, Sheet, Trace
 from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.palette import Paint
-from hrclog.analyzers.figures.plot import Anchor, Plot
+from hrclog.analyzers.figures.plot import Anchor, Axis, Plot
 
 NAME: Final = 13.0
 NUMBER: Final = 12.0
@@ -36,7 +36,7 @@ def y_names(sheet: Sheet, frame: Frame) -> int:
     ticks = _placed(frame.y, 64)
     _rules(sheet, frame.plot, ticks, upright=True)
     names = [(at, name) for at, name in ticks if name]
-    if not frame.plot.y.ticks:
+    if _is_numeric(frame.plot.y):
         kept = _apart(names, NUMBER * LINE)
         sheet.write(*(Label((-_GAP, at), said, NUMBER, "muted", "right") for at, said in kept))
         return 0
@@ -58,7 +58,7 @@ def x_names(sheet: Sheet, frame: Frame) -> int:
     plot, ticks = frame.plot, _placed(frame.x, 80)
     _rules(sheet, plot, ticks, upright=False)
     names = [(at, name) for at, name in ticks if name]
-    if not plot.x.ticks:
+    if _is_numeric(plot.x):
         _write_rows(sheet, plot, [(at, (said,)) for at, said in _side_by_side(names, NUMBER)], NUMBER)
         return 0
     if len(_side_by_side(names, NAME)) == len(names):
@@ -84,6 +84,11 @@ def _placed(scale: Scale, apart: float) -> list[Name]:
     return sorted((spot for spot in spots if low - 0.5 <= spot[0] <= high + 0.5), key=lambda spot: spot[0])
 
 
+def _is_numeric(axis: Axis) -> bool:
+    """Tell whether an axis has a scale of numbers, rather than rows or columns with names."""
+    return all(name.replace(",", "").replace(".", "").lstrip("-").isdigit() for _, name in axis.ticks if name)
+
+
 def _rules(sheet: Sheet, plot: Plot, names: Sequence[Name], *, upright: bool) -> None:
     """Draw the lines of a grid and, at an axis of numbers, the axis with its marks."""
     width, height = plot.area
@@ -99,7 +104,7 @@ def _rules(sheet: Sheet, plot: Plot, names: Sequence[Name], *, upright: bool) ->
     if axis.grid:
         other = width if upright else height
         sheet.grid += [Trace(line((0, other), (at, at)), "grid") for at, _ in names]
-    if not axis.ticks:
+    if _is_numeric(axis):
         sheet.lines.append(Trace(line((foot, foot), (0, height if upright else width)), "muted"))
         sheet.lines += [Trace(line((foot, out), (at, at)), "muted") for at, _ in names]
 
@@ -154,7 +159,7 @@ def _full(name: str, lines: Sequence[str]) -> str:
 
 
 def _write_rows(sheet: Sheet, plot: Plot, names: Sequence[tuple[float, tuple[str, ...]]], size: float) -> None:
-    paint: Paint = "ink" if plot.x.ticks else "muted"
+    paint: Paint = "muted" if _is_numeric(plot.x) else "ink"
     for at, lines in names:
         height = len(lines) * size * LINE
         top = -_MARK - 3 - height if plot.names_on_top else plot.area[1] + _MARK + 3

@@ -14,7 +14,6 @@ from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.plot import Axis
 
 _FARTHEST: Final = 1e5  # px; beyond it, back ends lose count
-_MOST_DECADES: Final = 40
 _PLAIN: Final = (1e-5, 1e12)  # between these a number is written without an exponent
 
 Tick = tuple[float, str]
@@ -86,7 +85,7 @@ def _linear_ticks(low: float, high: float, about: float) -> tuple[Tick, ...]:
 
 def _log_ticks(low: float, high: float, about: float) -> tuple[Tick, ...]:
     """Return 1, 2, 5 times powers of ten, fewer over many decades; round numbers where hardly one of them is there."""
-    choices = [list(_powers(low, high, factors)) for factors in ((1, 2, 5), (1, 3), (1,))]
+    choices = [list(_powers(low, high, factors)) for factors in ((1, 2, 5), (1,))]
     ticks = next((choice for choice in choices if len(choice) <= 1.5 * about), choices[-1])
     if len(choices[0]) < 3:
         return _linear_ticks(low, high, min(about, 5.0))

@@ -10,10 +10,10 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from matplotlib.path import Path
 
-from hrclog.analyzers import drawing_shapes as shapes
-from hrclog.analyzers.drawing_fonts import legal
-from hrclog.analyzers.drawing_layout import Layout
-from hrclog.analyzers.drawing_sheet import Box, Circle, Label, Trace
+from hrclog.analyzers.drawing import shapes
+from hrclog.analyzers.drawing.fonts import legal
+from hrclog.analyzers.drawing.layout import Layout
+from hrclog.analyzers.drawing.sheet import Box, Circle, Label, Trace
 from hrclog.analyzers.figures.arrays import FloatArray
 
 _MOST: Final = 2_000

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hrclog.analyzers.drawing_fonts import LINE, RISE, text_reach, text_width
+from hrclog.analyzers.drawing.fonts import LINE, RISE, text_reach, text_width
 from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.palette import Paint
 from hrclog.analyzers.figures.plot import Anchor

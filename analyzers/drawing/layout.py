@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from hrclog.analyzers import drawing_shapes as shapes
-from hrclog.analyzers.drawing_fonts import LINE, fitted, text_width, wrapped
-from hrclog.analyzers.drawing_names import x_names, y_names
-from hrclog.analyzers.drawing_scale import Scale
-from hrclog.analyzers.drawing_shapes import Frame
-from hrclog.analyzers.drawing_sheet import Box, Circle, Label, Sheet
+from hrclog.analyzers.drawing import shapes
+from hrclog.analyzers.drawing.fonts import LINE, fitted, text_width, wrapped
+from hrclog.analyzers.drawing.names import x_names, y_names
+from hrclog.analyzers.drawing.scale import Scale
+from hrclog.analyzers.drawing.shapes import Frame
+from hrclog.analyzers.drawing.sheet import Box, Circle, Label, Sheet
 from hrclog.analyzers.figures.plot import ColorBar, Key, Plot
 
 TITLE: Final = 17.0

@@ -9,9 +9,9 @@ from itertools import count
 from typing import Final
 from xml.etree.ElementTree import Element, fromstring, tostring
 
-from hrclog.analyzers.drawing_fonts import legal
-from hrclog.analyzers.drawing_layout import Layout
-from hrclog.analyzers.drawing_marks import BARS
+from hrclog.analyzers.drawing.fonts import legal
+from hrclog.analyzers.drawing.layout import Layout
+from hrclog.analyzers.drawing.marks import BARS
 from hrclog.analyzers.figures.palette import LIGHT, Color, Paint, Role
 from hrclog.analyzers.figures.plot import Plot
 

@@ -21,11 +21,11 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.transforms import Affine2D
 
-from hrclog.analyzers.drawing_hover import hover
-from hrclog.analyzers.drawing_layout import Layout, lay_out
-from hrclog.analyzers.drawing_marks import Inks, Pen
-from hrclog.analyzers.drawing_scale import Scale
-from hrclog.analyzers.drawing_svg import finished, stand_ins
+from hrclog.analyzers.drawing.hover import hover
+from hrclog.analyzers.drawing.layout import Layout, lay_out
+from hrclog.analyzers.drawing.marks import Inks, Pen
+from hrclog.analyzers.drawing.scale import Scale
+from hrclog.analyzers.drawing.svg import finished, stand_ins
 from hrclog.analyzers.figures.arrays import Pixels
 from hrclog.analyzers.figures.palette import DARK, LIGHT, Color, Role
 from hrclog.analyzers.figures.plot import Plot, Point
@@ -61,8 +61,8 @@ def pixels(plot: Plot, theme: Mapping[Role, Color] = DARK) -> Picture:
     with _settings():
         layout = lay_out(plot, captions=True)
         canvas = FigureCanvasAgg(_figure(layout, _inks(theme), _FILE_DPI, theme["card"]))
-        canvas.draw()  # type: ignore[no-untyped-call]  # - its stub has no types
-        drawn = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]  # - its stub has no types
+        canvas.draw()  # type: ignore[no-untyped-call]  # its stub is bare
+        drawn = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]  # its stub is bare
         return Picture(drawn[:, :, :3].copy(), layout.frame.area)
 
 
@@ -101,7 +101,7 @@ def save_svg(plot: Plot, path: Path) -> None:
 
 
 def save_pdf(plots: Sequence[Plot], path: Path) -> None:
-    """Write plots for a paper: light, a page for each, as large as its picture with captions.
+    """Write plots (at least one) for a paper: light, a page for each, as large as its picture with captions.
 
     Raises:
         OutputError: the file cannot be written.
@@ -116,7 +116,7 @@ def save_pdf(plots: Sequence[Plot], path: Path) -> None:
 def _svg(layout: Layout, theme: Mapping[Role, Color]) -> str:
     target = BytesIO()
     figure = _figure(layout, _inks(theme), _SVG_DPI, None)
-    FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None})  # type: ignore[no-untyped-call]  # - its stub has no types
+    FigureCanvasSVG(figure).print_svg(target, metadata={"Date": None})  # type: ignore[no-untyped-call]  # its stub is bare
     return target.getvalue().decode()
 
 
