@@ -111,6 +111,18 @@ class Analysis:
 
         save_run(self.run_figures(run_id), Path(path))
 
+    def to_report(self, path: str | Path, *, runs: int = 4, title: str = "") -> None:
+        """Write one HTML file that shows and explains everything, and needs nothing else.
+
+        Args:
+            path: of the file.
+            runs: how many single runs it shows.
+            title: its heading, "" for one that counts the runs.
+        """
+        from hrclog.analyzers.report import save_report
+
+        save_report(self, Path(path), runs=runs, title=title)
+
 
 def analyze(
     paths: str | Path | Iterable[str | Path],

@@ -27,7 +27,7 @@ class LiveExecutions:
         self.n_failed = 0
         self.first_ns: int | None = None
         self.open = INTERVALS.to_frame()
-        self._events = EVENTS.to_frame()  # of executions that have not ended
+        self._events = EVENTS.to_frame()  # of executions that had not ended before
         self._ended: set[str] = set()
         self._spans = INTERVALS.to_frame().select(_SPAN)  # of executions that have
         self._n_ended = 0
@@ -47,15 +47,13 @@ class LiveExecutions:
         Returns:
             Schema `INTERVALS`: the executions that are open, and those that have ended just now.
         """
-        known = pl.Series([name in self._ended for name in events["execution_id"]], dtype=pl.Boolean)
-        self._events = pl.concat([self._events, events.filter(pl.col("kind").is_in(TASK_KINDS) & ~known)])
+        self._events = pl.concat([self._events, events.filter(pl.col("kind").is_in(TASK_KINDS))])
+        over = pl.Series([name in self._ended for name in self._events["execution_id"]], dtype=pl.Boolean)
+        self._events = self._events.filter(~over)
         executions, _ = rebuild(self._events)
         has_ended = pl.col("end_ns").is_not_null()
         ended, self.open = executions.filter(has_ended), executions.filter(~has_ended)
-        over = set(self._events.filter(pl.col("kind") == "task_ended")["execution_id"])
-        self._ended |= over
-        if over:
-            self._events = self._events.filter(~pl.col("execution_id").is_in(list(over)))
+        self._ended.update(self._events.filter(pl.col("kind") == "task_ended")["execution_id"])
         self._spans = pl.concat([self._spans, ended.select(_SPAN)])
         own = ended.filter(top_level())
         self._n_ended += own.height
@@ -65,10 +63,10 @@ class LiveExecutions:
         return executions
 
     def pauses(self, until_ns: int) -> dict[str, list[tuple[int, int, str]]]:
-        """Return execution id -> (start_ns, end_ns, cause) of pauses of open executions."""
+        """Return execution id -> (start_ns, end_ns, cause) of pauses of the executions that were returned last."""
         return pauses(self._events, until_ns)
 
     def overlaps(self, origin_ns: int, until_ns: int) -> list[Series]:
         """Return the seconds that each pair of agents has worked at once, with all that is open lasting until now."""
-        until = pl.max_horizontal("start_ns", pl.lit(until_ns)).alias("until_ns")
+        until = pl.max_horizontal("start_ns", pl.lit(until_ns, pl.Int64)).alias("until_ns")
         return overlaps_so_far(pl.concat([self._spans, self.open.select("agent", "start_ns", until)]), origin_ns)[0]

@@ -97,7 +97,8 @@ class LiveJournal:
         if run is None:
             return
         stream = self._open(run)
-        events = self._earlier(run.run_id)
+        # on the clock on which the run has been drawn so far, whatever has turned out to be earlier
+        events = self._earlier(run.run_id).with_columns(pl.col("time_ns").clip(run.origin_ns))
         run.take_log(events, logs.signals, logs.scene)
         stream.send(run.part(run.latest_ns, alive=False))
         executions, _ = rebuild(events)

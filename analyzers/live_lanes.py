@@ -81,7 +81,7 @@ class LiveLanes:
         """
         self._tasks.update(executions["task"])
         is_open = pl.col("end_ns").is_null()
-        until_ns = pl.max_horizontal(pl.lit(now_ns), "start_ns")
+        until_ns = pl.max_horizontal(pl.lit(now_ns, pl.Int64), "start_ns")
         shown = executions.with_columns(
             # in the colours of what is well, until it turns out otherwise
             pl.when(is_open & alive).then(pl.lit("succeeded")).otherwise("outcome").alias("outcome"),

@@ -68,7 +68,12 @@ class LiveLines:
 
     def outline(self) -> tuple[Series, ...]:
         """Return the lines that there are, without samples, in the order in which a layout has them."""
-        return tuple(sorted(self._drawn.values(), key=lambda one: (one.joint, not one.step, one.group, one.name)))
+
+        def place(key: tuple[str, str]) -> tuple[bool, int, tuple[str, str]]:
+            series = self._drawn[key]
+            return series.joint, 0 if series.step else 2 if key in self._until_ns else 1, key
+
+        return tuple(self._drawn[key] for key in sorted(self._drawn, key=place))
 
     def _has_room(self, series: Series) -> bool:
         signals = [one for one in self._drawn.values() if not one.step]
@@ -77,7 +82,7 @@ class LiveLines:
     def _rest(self, series: Series, until_ns: int) -> Series:
         """Return what of a line that adds up was not drawn yet."""
         key = series.group, series.name
-        last = self._until_ns.get(key, -1)
+        last = self._until_ns.setdefault(key, -1)
         new = (series.times_ns > last) & (series.times_ns <= until_ns - self._origin_ns)
         if new.any():
             self._until_ns[key] = int(series.times_ns[new][-1])

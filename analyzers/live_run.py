@@ -72,7 +72,7 @@ class LiveRun:
         self.has_ended = False
         self._was_alive = True
         self._last_seq = -1
-        self._first = events.head(1).with_columns(time_ns=pl.lit(self.origin_ns))
+        self._first = events.head(1).with_columns(time_ns=pl.lit(self.origin_ns, pl.Int64))
         self._run: dict[str, Any] = runs(events, INTERVALS.to_frame()).row(0, named=True)
         self._executions = LiveExecutions()
         self._lanes = LiveLanes(self.origin_ns)

@@ -20,10 +20,10 @@ from PIL import Image
 
 from hrclog.analyzers.drawing import Picture, pixels
 from hrclog.analyzers.figures.about import about_campaign, about_run
-from hrclog.analyzers.figures.arrays import FloatArray
+from hrclog.analyzers.figures.arrays import FloatArray, Pixels
 from hrclog.analyzers.figures.campaign import CampaignFigures
 from hrclog.analyzers.figures.gantt import Lane, state_changes
-from hrclog.analyzers.figures.palette import DARK, Color, Paint
+from hrclog.analyzers.figures.palette import CARD, DARK, Color, Paint
 from hrclog.analyzers.figures.plot import Dot, Plot, Point, Rect, Steps, Stroke, page_plots
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.series import Series
@@ -164,7 +164,7 @@ def _arrow(column: pl.Series) -> pa.Array:
 
 def _send_plot(rec: rr.RecordingStream, plot: Plot, picture: Picture) -> None:
     path = f"{entity(*plot.path)}/picture"
-    rec.log(path, _image(picture), static=True, strict=True)
+    rec.log(path, _image(picture.pixels), static=True, strict=True)
 
     def at(points: Iterable[Point]) -> FloatArray:
         return np.array([picture.at(plot, point) for point in points])
@@ -186,20 +186,25 @@ def _send_plot(rec: rr.RecordingStream, plot: Plot, picture: Picture) -> None:
 
 
 def _send_steps(rec: rr.RecordingStream, steps: Steps, last: Picture) -> None:
-    pictures = [*(pixels(plot) for plot in steps.plots[:-1]), last]
+    pictures = [*(pixels(plot).pixels for plot in steps.plots[:-1]), last.pixels]
+    height, width = (max(image.shape[side] for image in pictures) for side in (0, 1))
     path = f"{entity(*steps.plots[-1].path)}/picture"
-    for number, picture in zip(steps.numbers, pictures, strict=True):
+    for number, image in zip(steps.numbers, pictures, strict=True):
         rec.set_time(RUNS, sequence=number)
-        rec.log(path, _image(picture), strict=True)
+        # Rerun takes encoded images over time for a video, whose size must not change
+        rec.log(path, _image(_padded(image, height, width)), strict=True)
     rec.reset_time()
 
 
-def _image(picture: Picture) -> rr.EncodedImage:
+def _padded(image: Pixels, height: int, width: int) -> Pixels:
+    card = np.full((height, width, 3), CARD, np.uint8)
+    card[: image.shape[0], : image.shape[1]] = image
+    return card
+
+
+def _image(image: Pixels) -> rr.EncodedImage:
     target = BytesIO()
-    # a palette makes it three times smaller; no plot has many more colours
-    Image.fromarray(picture.pixels).quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
-        target, "png"
-    )
+    Image.fromarray(image).save(target, "png", compress_level=1)  # more effort saves next to nothing
     return rr.EncodedImage(contents=target.getvalue(), media_type="image/png", magnification_filter="Linear")
 
 

@@ -33,7 +33,7 @@ def run_blueprint(figures: RunFigures) -> Layout:
     lines: list[rrb.View | rrb.Container] = [_series_view(figures.gantt, *group) for group in groups.items()]
     if len(lines) > _SERIES_ROWS:
         lines[_SERIES_ROWS - 1 :] = [rrb.Tabs(*lines[_SERIES_ROWS - 1 :])]
-    below = rrb.Horizontal(rrb.Tabs(_events_view(), about), rrb.Tabs(*_task_views(figures.tasks)))
+    below = rrb.Horizontal(rrb.Tabs(_events_view(), about), _tabs(_task_views(figures.tasks)))
     gutter = 0.0 if not lines else _GUTTER if figures.cell is None else _NARROW_GUTTER
     timeline = rrb.StateTimelineView(origin="/timeline", name="Timeline", time_view=_time_axis(figures.gantt, gutter))
     heights = [_timeline_height(figures.gantt), *[_SERIES_HEIGHT] * len(lines), _BELOW_HEIGHT]
@@ -42,6 +42,10 @@ def run_blueprint(figures: RunFigures) -> Layout:
     if figures.cell is None:
         return _blueprint(rows, panel)
     return _blueprint(rrb.Horizontal(cell_view(figures.cell), rows, column_shares=_CELL_SHARES), panel)
+
+
+def _tabs(views: list[rrb.View]) -> rrb.View | rrb.Container:
+    return rrb.Tabs(*views) if len(views) > 1 else views[0]
 
 
 _SERIES_ROWS: Final = 3

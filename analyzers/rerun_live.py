@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import archetypes as rrba
 
+from hrclog.analyzers.drawing import Picture
 from hrclog.analyzers.figures.campaign import CampaignFigures
+from hrclog.analyzers.figures.palette import CARD
 from hrclog.analyzers.figures.plot import Page
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.table import DataTable
@@ -96,7 +98,7 @@ class RunStream(_Stream):
 
 
 class CampaignStream(_Stream):
-    """The recording of all runs that have ended; each is laid over the one before.
+    """The recording of all runs that have ended; what is sent takes the place of what was.
 
     Args:
         url: of the viewer.
@@ -105,19 +107,53 @@ class CampaignStream(_Stream):
 
     def __init__(self, url: str, recording_id: str) -> None:
         super().__init__(url, CAMPAIGN_APPLICATION, recording_id)
+        self._frames: dict[tuple[str, ...], _Frame] = {}
 
     def send(self, figures: CampaignFigures) -> None:
         """Send the pictures and tables."""
         # without steps: each of their pictures would be drawn and kept anew whenever a run ends
-        pages = (Page(page.name, page.plots) for page in figures.pages if page.plots)
+        still = [Page(page.name, page.plots) for page in figures.pages if page.plots]
+        drawn = campaign_pictures(replace(figures, pages=tuple(still)))
+        frames = {path: self._framed(path, picture) for path, picture in drawn.items()}
+        pages = (
+            Page(page.name, tuple(replace(plot, path=frames[plot.path][0]) for plot in page.plots)) for page in still
+        )
         figures = replace(figures, pages=tuple(pages))
-        pictures = campaign_pictures(figures)
-        layout = campaign_blueprint(figures, pictures)
-        for view in _views(layout.root_container):
-            view.properties.pop("VisualBounds2D", None)  # without, a view follows the size of its picture
-        self.lay_out(layout)
+        pictures = dict(frames.values())
+        self.lay_out(campaign_blueprint(figures, pictures))
         self.name(figures.name)
         send_campaign(self.rec, figures, pictures)
+
+    def _framed(self, path: tuple[str, ...], picture: Picture) -> tuple[tuple[str, ...], Picture]:
+        """Return a picture with a margin to grow into, and the path that it has until it has outgrown it.
+
+        Rerun 0.41 takes pictures of different sizes, one after the other, for a broken film.
+        """
+        height, width, _ = picture.pixels.shape
+        frame = self._frames.get(path, _Frame(0, 0, 0))
+        if height > frame.height or width > frame.width:
+            frame = _Frame(max(_roomy(height), frame.height), max(_roomy(width), frame.width), frame.number + 1)
+            self._frames[path] = frame
+        margins = ((0, frame.height - height), (0, frame.width - width))
+        layers = [np.pad(picture.pixels[..., i], margins, constant_values=ground) for i, ground in enumerate(CARD)]
+        place = path if frame.number == 1 else (*path, f"frame {frame.number}")
+        return place, replace(picture, pixels=np.stack(layers, axis=-1))
+
+
+_MARGIN: Final = 120
+
+
+def _roomy(length: int) -> int:
+    return -(-length // _MARGIN) * _MARGIN
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """How large the pictures of a path are, and the how manieth such size it is."""
+
+    height: int
+    width: int
+    number: int
 
 
 def _following(layout: Layout) -> Layout:

@@ -14,7 +14,6 @@ from measure import cpu_seconds
 from hrclog.analyzers.analysis import Analysis, analyze
 from hrclog.analyzers.figures.gantt import Gantt, state_changes
 from hrclog.analyzers.output import save
-from hrclog.analyzers.report import save_report
 
 NAIVE_RUNS = 20
 """Runs that are logged one event at a time; more would only take longer."""
@@ -44,7 +43,7 @@ def _measured(folder: Path, output: Path) -> str:
     output.mkdir()
     campaign = cpu_seconds(lambda: analysis.to_rerun(output / "campaign.rrd"), 2)
     everything = cpu_seconds(lambda: save(analysis, output, most_recordings=None), 1)
-    report = cpu_seconds(lambda: save_report(analysis, output / "report.html"), 1)
+    report = cpu_seconds(lambda: analysis.to_report(output / "report.html"), 1)
     runs = sum(path.stat().st_size for path in (output / "runs").glob("*.rrd"))
     size = (output / "report.html").stat().st_size / 1e6
     intervals = analysis.intervals.height

@@ -39,7 +39,8 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     )
     low, high = max(min([0.8, *lows]), least), min(max([1.2, *highs]), furthest)
     clipped = sum(least < low or most > high for least, most in zip(lows, highs, strict=True))
-    beyond = (f"{clipped} intervals reach beyond the axis; the table has their ends.",) if clipped else ()
+    some = "1 interval reaches" if clipped == 1 else f"{clipped} intervals reach"
+    beyond = (f"{some} beyond the axis; the table has the ends.",) if clipped else ()
     drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
     count = max(len(drawn), 1)
     one = Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")

@@ -94,7 +94,8 @@ def limited(lanes: Sequence[Lane], max_lanes: int = MAX_LANES) -> tuple[tuple[La
     shown = tuple(lanes[:max_lanes])
     instants = sum(bar.start_ns >= bar.end_ns for lane in shown for bar in lane.bars)
     if instants:
-        captions.append(f"{instants} executions without length are listed in the tables but have no bar to see.")
+        some = "1 execution without length is" if instants == 1 else f"{instants:,} executions without length are"
+        captions.append(f"{some} listed in the tables, with no bar to see.")
     return shown, tuple(captions)
 
 

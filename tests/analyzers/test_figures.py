@@ -321,7 +321,7 @@ def test_intervals_that_leave_the_axis_are_clipped_and_said() -> None:
     plot = coefficients_plot(synergy_coefficients(frame_)[0], ("coefficients", "A", "B"))
     assert all(plot.x.low <= x <= plot.x.high for stroke in plot.strokes for x, _ in stroke.points)
     assert plot.x.high < 10
-    assert "3 intervals reach beyond the axis; the table has their ends." in plot.notes
+    assert "3 intervals reach beyond the axis; the table has the ends." in plot.notes
     narrow = coefficients_plot(synergy_coefficients(synergies(2))[0], ("coefficients", "A", "B"))
     assert not any("beyond" in note for note in narrow.notes)
 

@@ -340,7 +340,7 @@ def test_figures_in_files_carry_their_number_and_their_run() -> None:
 
 
 def test_of_plots_that_grew_with_the_runs_the_last_is_shown_and_all_can_be_stepped_through() -> None:
-    stages = Steps((1, 2, 5), tuple(plot("grown", title=f"after {number}") for number in (1, 2, 5)))
+    stages = Steps("grown", (1, 2, 5), tuple(plot("grown", title=f"after {number}") for number in (1, 2, 5)))
     analysis = analysis_of(["A", "B", "pick", "put"])
     figures = analysis.campaign_figures()
     grown = SimpleNamespace(
