@@ -110,7 +110,7 @@ class _Live:
         self._seen = dict(listing.logs)
         self._draw_latest(self._ended.starts(), "earlier")
         self.statistics.finish()  # before what goes on: whatever comes last is what a viewer shows
-        self._find_journals(listing)
+        self._find_journals(list_folder(self._folder))  # reading may have taken a while
         for journal in self._journals.values():
             journal.look(draw=False)
         stale = sum(not journal.is_alive for journal in self._journals.values())

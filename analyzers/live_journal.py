@@ -16,6 +16,7 @@ from hrclog.analyzers.rerun_live import RunStream
 from hrclog.analyzers.runs import runs
 from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
+from hrclog.log.files import exists
 from hrclog.log.follow import JournalFollower, News, is_being_written
 from hrclog.log.reader import Logs
 from hrclog.log.signals import SIGNAL_COLUMNS
@@ -142,6 +143,8 @@ class LiveJournal:
 
     def _has_recorder(self) -> bool:
         held = is_being_written(self._path)
+        if held is None and not exists(self._path):  # it is a log by now
+            return True
         self._was_held |= bool(held)
         quiet = time.time_ns() - self._changed_ns > QUIET_NS
         return bool(held) or not (self._was_held or quiet)

@@ -23,7 +23,7 @@ from hrclog.analyzers.live_lanes import LaneKey, LaneNews
 from hrclog.analyzers.live_run import LivePart
 from hrclog.analyzers.rerun import campaign_pictures, run_application, send_campaign, send_run
 from hrclog.analyzers.rerun_layout import campaign_blueprint, run_blueprint
-from hrclog.analyzers.rerun_recording import TIMELINE, Layout, entity, times
+from hrclog.analyzers.rerun_recording import TIMELINE, Layout, entity, freed_recordings, times
 
 CAMPAIGN_APPLICATION: Final = "hrclog campaign"
 
@@ -63,7 +63,9 @@ class _Stream:
 
     def close(self) -> None:
         """Send what is still to be sent, and let go of the viewer."""
-        self.rec.disconnect()
+        with freed_recordings():
+            self.rec.disconnect()
+            del self.rec
 
 
 class RunStream(_Stream):

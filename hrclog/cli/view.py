@@ -77,6 +77,8 @@ def command(
         return _follow(target, web_port, every, until_idle)
     if until_idle is not None:
         raise click.UsageError("--until-idle is for --live")
+    if names and target.suffix == ".rrd" and not target.is_dir():
+        raise click.UsageError("--run chooses among the runs of a log or a folder, not within a recording")
     return _open(target, names, web_port, output)
 
 
@@ -126,13 +128,15 @@ def _check_content(target: Path, analysis: Analysis) -> None:
 
 
 def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
-    # when its window is closed, Rerun would complain about what it cannot send any more
-    os.environ.setdefault("RUST_LOG", "off")
-    from hrclog.analyzers.live import Followed, follow
-    from hrclog.analyzers.viewer import running_viewer
+    from hrclog.analyzers.viewer import check_viewer, running_viewer
     from hrclog.log.watch import list_folder
 
     list_folder(folder)
+    check_viewer((), web_port)
+    # when its window is closed, Rerun would complain about what it cannot send any more
+    os.environ.setdefault("RUST_LOG", "off")
+    from hrclog.analyzers.live import Followed, follow
+
     reading = Progress("reading logs")
     followed = Followed()
     with _Stop() as stop, running_viewer(web_port) as viewer:

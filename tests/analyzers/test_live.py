@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from bisect import bisect_right
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import polars as pl
+import pytest
 from event_frames import LEGAL, event, event_rows
 from event_frames import frame as frame_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrclog.analyzers.figures import RunFigures, run_figures
-from hrclog.analyzers.figures.events import event_lines
+from hrclog.analyzers import live, live_journal
+from hrclog.analyzers.analysis import Analysis, analyze, analyze_logs
+from hrclog.analyzers.figures import CampaignFigures, RunFigures, run_figures
+from hrclog.analyzers.figures.events import event_lines, pauses
 from hrclog.analyzers.figures.gantt import Lane, execution_lanes, state_changes
 from hrclog.analyzers.intervals import rebuild
+from hrclog.analyzers.live import Followed, follow
 from hrclog.analyzers.live_lanes import LaneKey
 from hrclog.analyzers.live_run import LivePart, LiveRun
+from hrclog.analyzers.live_statistics import EndedRuns, Statistics
 from hrclog.analyzers.runs import runs
+from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
+from hrclog.log.journal import journal_path
 from hrclog.log.message import EVENTS
+from hrclog.log.reader import read_log
+from hrclog.log.recover import recover
 from hrclog.log.signals import SIGNAL_COLUMNS
+from hrclog.recorders.recorder import Recorder
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 S = 1_000_000_000
@@ -127,7 +140,7 @@ def test_at_every_look_the_lanes_are_those_of_all_that_was_told_so_far(
             pl.when(is_open).then(now_ns).otherwise("end_ns").alias("end_ns"),
             pl.when(is_open).then(now_ns).otherwise("until_ns").alias("until_ns"),
         )
-        gaps = live_run_pauses(told, now_ns)
+        gaps = pauses(told, now_ns)
         lanes = said(parts)
         for states in lanes.values():  # what is open has no end in a lane; here it ends now
             states.setdefault(now_ns, "")
@@ -136,12 +149,6 @@ def test_at_every_look_the_lanes_are_those_of_all_that_was_told_so_far(
         assert facts["executions"] == executions.height
         assert facts["open"] == executions.filter(is_open).height
         assert facts["failed"] == executions.filter(pl.col("outcome") == "failed").height
-
-
-def live_run_pauses(events: pl.DataFrame, end_ns: int) -> dict[str, list[tuple[int, int, str]]]:
-    from hrclog.analyzers.figures.events import pauses
-
-    return pauses(events, end_ns)
 
 
 def started(agent: str, task: str, at: int, **fields: object) -> dict[str, Any]:
@@ -211,3 +218,290 @@ def test_samples_are_drawn_once_and_held_lines_up_to_a_second_ago() -> None:
 
 def run_nothing() -> pl.DataFrame:
     return frame([event("heartbeat", 0)]).clear()
+
+
+@dataclass
+class FakeRun:
+    """Stands in for the recording of a run in a viewer."""
+
+    figures: RunFigures
+    recording_id: str
+    names: list[str] = field(default_factory=list)
+    parts: list[LivePart] = field(default_factory=list)
+    whole: RunFigures | None = None
+    closed: bool = False
+
+    def send(self, part: LivePart) -> None:
+        """Take what is new."""
+        assert not self.closed
+        self.parts.append(part)
+
+    def send_whole(self, figures: RunFigures) -> None:
+        """Take a run that is over."""
+        self.whole = figures
+
+    def name(self, name: str) -> None:
+        """Remember a new name."""
+        self.names += [name] if name not in self.names[-1:] else []
+
+    def close(self) -> None:
+        """Take nothing more."""
+        self.closed = True
+
+
+@dataclass
+class Viewer:
+    """What was shown."""
+
+    runs: list[FakeRun] = field(default_factory=list)
+    campaigns: list[CampaignFigures] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+
+    def run(self, _url: str, figures: RunFigures, recording_id: str) -> FakeRun:
+        """Return where a run is shown."""
+        self.runs.append(FakeRun(figures, recording_id))
+        return self.runs[-1]
+
+    def campaign(self, _url: str, _recording_id: str) -> Viewer:
+        """Return where all runs are shown."""
+        return self
+
+    def send(self, figures: CampaignFigures) -> None:
+        """Take pictures."""
+        self.campaigns.append(figures)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@pytest.fixture
+def viewer(monkeypatch: pytest.MonkeyPatch) -> Viewer:
+    viewer = Viewer()
+    monkeypatch.setattr(live, "RunStream", viewer.run)
+    monkeypatch.setattr(live_journal, "RunStream", viewer.run)
+    monkeypatch.setattr(live, "CampaignStream", viewer.campaign)
+    return viewer
+
+
+def watch(folder: Path, viewer: Viewer, *steps: Callable[[], object]) -> Followed:
+    """Follow a folder; after each look comes a step, and after the last one so many that nothing is new."""
+    left = list(steps)
+
+    def wait(_seconds: float) -> bool:
+        if left:
+            left.pop(0)()
+        return False
+
+    followed = Followed()
+    return follow(folder, "", wait, until_idle_s=0.3, tell=viewer.told.append, followed=followed)
+
+
+def nothing() -> None:
+    """Let a look go by."""
+
+
+def samples(folder: Path, count: int) -> list[Path]:
+    folder.mkdir(exist_ok=True)
+    return [Path(shutil.copy(path, folder)) for path in sorted((SAMPLES / "campaign").glob("*.mcap"))[:count]]
+
+
+def facts(figures: RunFigures) -> dict[str, object]:
+    return dict(figures.facts)
+
+
+def test_earlier_runs_count_and_the_latest_three_are_drawn(viewer: Viewer, tmp_path: Path) -> None:
+    paths = samples(tmp_path, 5)
+    assert watch(tmp_path, viewer) == Followed()
+    assert [run.figures.name for run in viewer.runs] == [path.stem for path in paths[2:]]
+    assert all(run.whole is not None and run.closed for run in viewer.runs)
+    assert viewer.told == ["2 earlier runs are in the statistics, not drawn: hrclog view FILE shows one"]
+    assert [figures.name for figures in viewer.campaigns] == ["campaign of 5 runs"]
+
+
+def test_the_statistics_are_those_of_the_whole_folder(tmp_path: Path) -> None:
+    ended = EndedRuns()
+    for path in [*samples(tmp_path, 6), Path(shutil.copy(SAMPLES / "failures.mcap", tmp_path))]:
+        ended.put(path, read_log(path, signals=True))
+    found, expected = analyze_logs(ended.logs()), analyze(tmp_path)
+    for name in ("intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics"):
+        assert getattr(found, name).equals(getattr(expected, name)), name
+    assert found.diagnostics == expected.diagnostics
+
+
+def test_a_run_is_drawn_while_it_is_recorded_and_counts_when_it_has_ended(viewer: Viewer, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", run="a run", agents=["A", "B"])
+    handle = recorder.start("A", "x")
+
+    def late() -> None:
+        recorder.start("B", "y")
+        recorder.signal("gap", 1.0)
+        recorder.close()
+
+    followed = watch(tmp_path, viewer, nothing, handle.end, nothing, late)
+    (run,) = viewer.runs
+    assert (run.recording_id, run.closed) == (recorder.run_id, True)
+    assert run.names == ["a run (live)", "a run"]
+    lanes = said(run.parts)
+    assert list(lanes["A", "done", 0].values()) == ["x", ""]
+    assert next(iter(lanes["B", "done", 0].values())) == "y still open"
+    outcomes = [facts(part.figures)["outcome"] for part in run.parts]
+    assert outcomes == ["running"] * (len(outcomes) - 2) + ["unfinished", "succeeded"]
+    assert "gap" in {one.name for part in run.parts for one in part.figures.series}
+    assert "signals" in {one.group for one in run.parts[-1].outline.series}
+    assert followed == Followed({recorder.run_id}, {recorder.run_id})
+    assert [figures.name for figures in viewer.campaigns] == ["campaign of 1 run"]
+
+
+def test_a_run_that_begins_and_ends_between_two_looks_is_drawn_whole(viewer: Viewer, tmp_path: Path) -> None:
+    def run() -> None:
+        with Recorder(tmp_path / "run.mcap") as recorder, recorder.task("A", "x"):
+            pass
+
+    followed = watch(tmp_path, viewer, run)
+    assert [run.whole is not None for run in viewer.runs] == [True]
+    assert (len(followed.runs), len(followed.ended)) == (1, 1)
+
+
+def killed(recorder: Recorder) -> None:
+    """Leave a journal as a killed process would."""
+    assert recorder._journal is not None
+    recorder._journal.close()
+
+
+def test_a_killed_recorder_leaves_its_run_unfinished_until_it_is_recovered(viewer: Viewer, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", run="a run")
+    recorder.start("A", "x")
+    followed = Followed()
+    before: list[Followed] = []
+
+    def after_kill() -> None:
+        before.append(Followed(set(followed.runs), set(followed.ended)))
+        recover(journal_path(recorder.path))
+
+    steps = [lambda: killed(recorder), nothing, after_kill]
+
+    def wait(_seconds: float) -> bool:
+        if steps:
+            steps.pop(0)()
+        return False
+
+    follow(tmp_path, "", wait, until_idle_s=0.3, tell=viewer.told.append, followed=followed)
+    (run,) = viewer.runs
+    assert run.names == ["a run (live)", "a run (unfinished)", "a run"]
+    assert [text for text in viewer.told if "hrclog recover" in text and "its recorder has gone" in text] == viewer.told
+    assert before == [Followed({recorder.run_id}, set())]
+    assert followed == Followed({recorder.run_id}, {recorder.run_id})
+
+
+def test_a_run_that_is_taken_up_again_is_drawn_from_its_first_beginning(viewer: Viewer, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", run="a run")
+    recorder.start("A", "x")
+    later: list[Recorder] = []
+
+    def again() -> None:
+        killed(recorder)
+        later.append(Recorder(tmp_path / "run.mcap", resume=True))
+        later[0].start("A", "y")
+
+    followed = watch(tmp_path, viewer, nothing, again, nothing, nothing, lambda: later.pop().close())
+    assert [run.recording_id for run in viewer.runs] == [recorder.run_id, f"{recorder.run_id}-2"]
+    tasks = {state.split()[0] for states in said(viewer.runs[1].parts).values() for state in states.values() if state}
+    assert tasks == {"x", "y"}
+    assert followed == Followed({recorder.run_id}, {recorder.run_id})
+    assert viewer.campaigns[-1].name == "campaign of 1 run"
+
+
+def test_logs_that_are_put_there_count_and_the_latest_of_them_are_drawn(viewer: Viewer, tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    followed = watch(tmp_path / "in", viewer, lambda: samples(tmp_path / "in", 5))
+    assert len(viewer.runs) == 3
+    assert viewer.told == ["2 further runs are in the statistics, not drawn: hrclog view FILE shows one"]
+    assert (len(followed.runs), len(followed.ended)) == (5, 5)
+    assert viewer.campaigns[-1].name == "campaign of 5 runs"
+
+
+def test_a_log_that_is_still_being_copied_is_waited_for(viewer: Viewer, tmp_path: Path) -> None:
+    data = (SAMPLES / "single.mcap").read_bytes()
+    steps = [lambda size=size: (tmp_path / "copy.mcap").write_bytes(data[:size]) for size in (100, 2000, len(data))]
+    watch(tmp_path, viewer, *steps)
+    assert viewer.told == []
+    assert [run.figures.name for run in viewer.runs] == ["paper_0000"]
+
+
+def test_a_log_that_goes_leaves_the_statistics(viewer: Viewer, tmp_path: Path) -> None:
+    paths = samples(tmp_path, 3)
+    watch(tmp_path, viewer, nothing, paths[0].unlink)
+    assert [figures.name for figures in viewer.campaigns] == ["campaign of 3 runs", "campaign of 2 runs"]
+
+
+def test_what_cannot_be_read_is_told_once_and_the_rest_goes_on(viewer: Viewer, tmp_path: Path) -> None:
+    samples(tmp_path, 1)
+    (tmp_path / "bad.mcap").write_bytes(b"nonsense")
+    (tmp_path / "x.mcap.partial").mkdir()
+    damaged = bytearray((SAMPLES / "killed.mcap.partial").read_bytes())
+    damaged[3000] ^= 1
+    (tmp_path / "damaged.mcap.partial").write_bytes(damaged)
+    watch(tmp_path, viewer, nothing, nothing)
+    assert len(viewer.told) == 2
+    assert "bad.mcap: found a file that begins with b'nonsense'" in viewer.told[0]
+    assert "damaged.mcap.partial" in viewer.told[1]
+    assert "corrupt_data" in viewer.told[1]
+    assert [figures.name for figures in viewer.campaigns] == ["campaign of 1 run"]
+
+
+def test_journals_that_nobody_writes_are_told_of_and_drawn_when_they_grow(viewer: Viewer, tmp_path: Path) -> None:
+    path, data = tmp_path / "old.mcap.partial", (SAMPLES / "killed.mcap.partial").read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    os.utime(path, (0, 0))
+
+    def grow() -> None:
+        assert viewer.runs == []
+        path.write_bytes(data)
+
+    followed = watch(tmp_path, viewer, nothing, grow)
+    text = "1 unfinished log has no recorder any more, and no part in the statistics"
+    assert viewer.told == [f"{text}: hrclog recover {tmp_path} closes them"]
+    assert len(viewer.runs) == 1
+    assert (len(followed.runs), len(followed.ended)) == (1, 0)
+
+
+def test_a_journal_that_is_deleted_is_told_of(viewer: Viewer, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap")
+    watch(tmp_path, viewer, nothing, journal_path(recorder.path).unlink)
+    killed(recorder)
+    assert viewer.told == [f"{tmp_path / 'run.mcap.partial'}: the journal is gone, and there is no log in its place"]
+    assert viewer.runs[0].closed
+
+
+def test_a_folder_that_is_deleted_meanwhile_is_one_clear_error(viewer: Viewer, tmp_path: Path) -> None:
+    samples(tmp_path / "in", 1)
+    with pytest.raises(LogReadError, match="in: found nothing, expected a folder into which runs are recorded"):
+        watch(tmp_path / "in", viewer, lambda: shutil.rmtree(tmp_path / "in"))
+    assert all(run.closed for run in viewer.runs)
+
+
+def test_following_ends_when_it_is_enough(viewer: Viewer, tmp_path: Path) -> None:
+    asked: list[float] = []
+
+    def wait(seconds: float) -> bool:
+        asked.append(seconds)
+        return len(asked) == 3
+
+    follow(tmp_path, "", wait, every_s=0.25, tell=viewer.told.append)
+    assert len(asked) == 3
+    assert all(0 < seconds <= 0.25 for seconds in asked)
+
+
+def test_statistics_that_fail_say_so_where_they_were_asked_for(tmp_path: Path) -> None:
+    ended = EndedRuns()
+    (path,) = samples(tmp_path, 1)
+    ended.put(path, read_log(path))
+
+    def fail(_: Analysis) -> None:
+        raise LogReadError(path, "a", "b")
+
+    statistics = Statistics(ended, fail)
+    statistics.changed()
+    with pytest.raises(LogReadError):
+        statistics.finish()
+    statistics.close()
