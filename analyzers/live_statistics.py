@@ -20,10 +20,10 @@ from hrclog.log.reader import ORDER, Logs
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """What is kept of a log: of its signals, the values of the smallest distance, by run."""
+    """What is kept of a log: of its signals, the values of smallest distances, by run and name."""
 
     events: pl.DataFrame
-    distances: dict[str, pl.Series]
+    distances: dict[tuple[str, str], pl.Series]
     diagnostics: list[Diagnostic]
 
 
@@ -35,8 +35,9 @@ class EndedRuns:
 
     def put(self, path: Path, logs: Logs) -> None:
         """Take in a log, in place of what was there under that path."""
-        near = logs.signals.filter(pl.col("name") == MINIMUM_DISTANCE)
-        distances = {str(run): part["value"] for (run,), part in near.group_by("run_id", maintain_order=True)}
+        near = logs.signals.filter(pl.col("name").str.split("/").list.last() == MINIMUM_DISTANCE)
+        parts = near.group_by("run_id", "name", maintain_order=True)
+        distances = {(str(run), str(name)): part["value"] for (run, name), part in parts}
         self._logs[path] = _Kept(logs.events, distances, logs.diagnostics)
 
     def drop(self, path: Path) -> None:
@@ -64,10 +65,10 @@ class EndedRuns:
         diagnostics = [one for log in kept for one in log.diagnostics]
         signals = [
             pl.DataFrame({"value": values}).select(
-                pl.lit(run).alias("run_id"), pl.lit(MINIMUM_DISTANCE).alias("name"), pl.lit(0).alias("time_ns"), "value"
+                pl.lit(run).alias("run_id"), pl.lit(name).alias("name"), pl.lit(0).alias("time_ns"), "value"
             )
             for log in kept
-            for run, values in log.distances.items()
+            for (run, name), values in log.distances.items()
         ]
         diagnostics += [*copies, *check_events(events)]
         samples = pl.concat([SIGNALS.to_frame(), *(part.cast(SIGNALS) for part in signals)])

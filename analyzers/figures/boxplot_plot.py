@@ -8,7 +8,7 @@ from typing import Final
 
 from hrclog.analyzers.figures.boxplot import Box, BoxPlot
 from hrclog.analyzers.figures.palette import CARD, REDUCED, TASKS, WHITE
-from hrclog.analyzers.figures.plot import NARROW, WIDE, Axis, Dot, Key, Plot, Rect, Stroke, Text
+from hrclog.analyzers.figures.plot import NAMELESS, NARROW, WIDE, Axis, Dot, Key, Plot, Rect, Stroke, Text
 from hrclog.analyzers.figures.text import shorten
 
 _BLUE: Final = TASKS[4]
@@ -38,7 +38,7 @@ def boxplot_plot(plot: BoxPlot, path: tuple[str, ...]) -> Plot:
         title=plot.title,
         reading=plot.reading,
         x=Axis(0.0, longest * 1.03, "seconds", grid=True),
-        y=Axis(max(len(rows), 1), 0, ticks=tuple(ticks)),
+        y=Axis(max(len(rows), 1), 0, ticks=tuple(ticks) or NAMELESS),
         area=(NARROW if plot.agent else WIDE, height),
         rects=tuple(Rect((box.q25, y - _HALF), (box.q75, y + _HALF), _BLUE, _said(box)) for y, box in drawn),
         strokes=tuple(stroke for y, box in drawn for stroke in _strokes(box, y)),

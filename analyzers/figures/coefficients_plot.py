@@ -8,7 +8,7 @@ from typing import Final
 from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
 from hrclog.analyzers.figures.curves import log_ticks
 from hrclog.analyzers.figures.palette import Color, Paint
-from hrclog.analyzers.figures.plot import NARROW, Axis, Dot, Key, Plot, Stroke
+from hrclog.analyzers.figures.plot import NAMELESS, NARROW, Axis, Dot, Key, Plot, Stroke
 
 _WIDEST: Final = 5.0
 _ROW: Final = 26
@@ -43,15 +43,16 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     beyond = (f"{some} beyond the axis; the table has the ends.",) if clipped else ()
     drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
     count = max(len(drawn), 1)
-    one = Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")
+    names = tuple((y, f"{row.name} ({row.n})") for y, row in drawn)
+    one = [Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")] if drawn else []
     return Plot(
         path=path,
         title=plot.title,
         reading=plot.reading,
         x=_axis(low, high, log=log),
-        y=Axis(count, 0, ticks=tuple((y, f"{row.name} ({row.n})") for y, row in drawn)),
+        y=Axis(count, 0, ticks=names or NAMELESS),
         area=(NARROW, count * _ROW),
-        strokes=(one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high)))),
+        strokes=(*one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high)))),
         dots=tuple(_dot(row, y) for y, row in drawn),
         keys=_KEYS if drawn else (),
         notes=(*plot.captions, *beyond),

@@ -17,6 +17,9 @@ WIDE: Final = 900
 NARROW: Final = 460
 """Px of an area beside another."""
 
+NAMELESS: Final = ((0.5, ""),)
+"""Ticks of an axis of names when there are none; no ticks at all would be round numbers."""
+
 
 @dataclass(frozen=True, slots=True)
 class Axis:

@@ -35,7 +35,9 @@ def _plot(group: str, series: list[Series], x: Axis, path: tuple[str, ...]) -> P
     finite = np.concatenate([one.values[np.isfinite(one.values)] for one in series])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     low, high = (0.0, 1.0) if all(one.step for one in series) else (min(low, 0.0) if low < high / 2 else low, high)
-    margin = (high - low) * 0.06 or 0.5
+    if low == high:
+        low, high = min(low, 0.0), max(high, 0.0) or 1.0
+    margin = (high - low) * 0.06
     colors = [TASKS[index % len(TASKS)] for index in range(len(series))]
     return Plot(
         path=path,

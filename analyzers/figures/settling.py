@@ -51,6 +51,7 @@ def settling_heatmaps(settling: pl.DataFrame) -> list[Steps]:
     numbers = settling["runs"].unique().sort().to_list()
     if len(numbers) < 2:
         return []
+    settling = settling.filter(pl.col("synergy").is_not_null().any().over("agent", "other_agent"))
     last = settling.filter(pl.col("runs") == numbers[-1]).sort(PAIR)
     # tasks of too large a matrix are chosen by their overlap in all runs
     overlap = last.select(*PAIR, "overlap_s")

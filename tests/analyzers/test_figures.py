@@ -524,4 +524,6 @@ def test_pairs_that_never_overlap_are_drawn_as_unobserved() -> None:
     assert [rect.paint for rect in plot.rects] == ["unobserved"] * 4
     assert [text.text for text in plot.texts] == ["n/a"] * 4
     assert synergy_coefficients(nothing)[0].rows == ()
-    assert coefficients_plot(synergy_coefficients(nothing)[0], ("coefficients", "A", "B")).dots == ()
+    empty = coefficients_plot(synergy_coefficients(nothing)[0], ("coefficients", "A", "B"))
+    assert empty.dots == empty.strokes == ()
+    assert empty.y.ticks == ((0.5, ""),)
