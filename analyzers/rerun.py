@@ -7,6 +7,8 @@ Entities of a run are under /timeline (a lane per agent), /signals, /events, /ta
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -48,8 +50,17 @@ def save_run(figures: RunFigures, path: Path | str) -> None:
 
 
 def run_application(figures: RunFigures) -> str:
-    """Return the application of a run's recording: a layout belongs to one, and runs differ in length and lanes."""
-    return f"{APPLICATION} {printable(figures.name)}"
+    """Return the application of a run's recording: a layout belongs to one, and runs differ in length and lanes.
+
+    Rerun 0.41 takes but some characters for one, and tells the user of others.
+    """
+    name = _UNFIT.sub("-", figures.name)[:_LONGEST_NAME]
+    digest = hashlib.sha256(figures.name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
+    return f"{APPLICATION} {name}" if name == figures.name else f"{APPLICATION} {name} {digest}"
+
+
+_UNFIT: Final = re.compile(r"[^A-Za-z0-9_ :-]+")
+_LONGEST_NAME: Final = 80
 
 
 def send_run(rec: rr.RecordingStream, figures: RunFigures) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 import click
 
 from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, printable, tell
-from hrclog.errors import LogReadError
+from hrclog.errors import HrclogError, LogReadError
 
 if TYPE_CHECKING:
     from hrclog.analyzers.analysis import Analysis
@@ -162,7 +162,9 @@ def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: fl
             n_runs, n_ended = len(followed.runs), len(followed.ended)
             click.echo(f"followed {n_runs:,} run{'' if n_runs == 1 else 's'}, {n_ended:,} ended", err=True)
         code = viewer.process.poll()
-    return EXIT_FAILED if code else EXIT_FINE
+    if code:
+        raise HrclogError(f"the Rerun viewer ended with code {code}")
+    return EXIT_FINE
 
 
 class _Stop:

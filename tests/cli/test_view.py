@@ -136,7 +136,9 @@ def test_closing_the_viewer_ends_the_command(run: Run, tmp_path: Path, stub: Cal
 def test_a_viewer_that_breaks_down_is_a_failure(run: Run, tmp_path: Path, stub: Callable[[float, int], None]) -> None:
     stub(0.5, 3)
     (tmp_path / "runs").mkdir()
-    assert run("view", "--live", tmp_path / "runs", "--every", "0.05").code == 1
+    result = run("view", "--live", tmp_path / "runs", "--every", "0.05")
+    assert result.code == 1
+    assert result.err.splitlines()[-1] == "hrclog: error: the Rerun viewer ended with code 3"
 
 
 @needs_scripts

@@ -145,8 +145,9 @@ def test_the_events_of_a_look_keep_nothing_of_the_signals_between_them(tmp_path:
     news = JournalFollower(journal_path(recorder.path)).look()
     recorder.close()
     assert news is not None
-    buffers = [buffer for column in news.events.to_arrow().columns for buffer in column.chunk(0).buffers() if buffer]
-    assert sum(buffer.size for buffer in buffers) < 100_000
+    columns = news.events.to_arrow(compat_level=pl.CompatLevel.newest()).columns  # texts as views into what they keep
+    sizes = [buffer.size for column in columns for buffer in column.chunk(0).buffers() if buffer]
+    assert max(sizes) < 100_000
 
 
 def test_a_journal_that_was_cut_or_replaced_is_read_anew(recorded: Recorded, tmp_path: Path) -> None:
