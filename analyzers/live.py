@@ -55,7 +55,7 @@ def follow(
     Args:
         folder: into which runs are recorded; those that are there already count in the statistics.
         url: of the viewer, `rerun+http://127.0.0.1:PORT/proxy`.
-        wait: waits so many seconds, and says whether it is enough.
+        wait: waits so many seconds, and says whether it is enough; asked with 0 before each log that is there already.
         every_s: how often to look.
         until_idle_s: also end after so many seconds without anything new.
         tell: told what is not drawn, and what cannot be read.
@@ -68,9 +68,8 @@ def follow(
     followed = Followed() if followed is None else followed
     live = _Live(folder, url, tell, followed)
     try:
-        live.start(on_file)
+        enough = not live.start(on_file, wait)
         last_news = time.monotonic()
-        enough = False
         while not enough:
             began = time.monotonic()
             if live.look():
@@ -101,10 +100,12 @@ class _Live:
         self._seen: dict[Path, Stamp] = {}  # logs as they were at the last look
         self._drawn: Counter[str] = Counter()
 
-    def start(self, on_file: Callable[[Path], None]) -> None:
-        """Read the logs that are there, and draw the latest of their runs."""
+    def start(self, on_file: Callable[[Path], None], wait: Callable[[float], bool]) -> bool:
+        """Read the logs that are there, and draw the latest of their runs; return whether to go on."""
         listing = list_folder(self._folder)
         for path, stamp in listing.logs.items():
+            if wait(0.0):
+                return False
             self._read_log(path, stamp)
             on_file(path)
         self._seen = dict(listing.logs)
@@ -117,6 +118,7 @@ class _Live:
         if stale:
             what = "1 unfinished log has no recorder" if stale == 1 else f"{stale} unfinished logs have no recorder"
             self._tell(f"{what} any more, and no part in the statistics: hrclog recover {self._folder} closes them")
+        return True
 
     def look(self) -> bool:
         """Take in what is new, draw it, and return whether there was anything."""

@@ -60,10 +60,14 @@ def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
     command = [viewer_path(), *map(str, recordings), "--bind", HOST, "--port", str(free_port())]
     if web_port is not None:
         command += ["--serve-web", "--web-viewer-port", str(web_port)]
+    # in a group of its own, as the program `rerun` starts another one
+    process = subprocess.Popen(command, start_new_session=True)  # noqa: S603 - our own interpreter and the user's paths
     try:
-        return subprocess.run(command, check=False).returncode  # noqa: S603 - our own interpreter and the user's paths
-    except KeyboardInterrupt:  # which ends the viewer too
+        return process.wait()
+    except KeyboardInterrupt:
         return 0
+    finally:
+        _stop(process)
 
 
 @contextmanager
@@ -83,7 +87,6 @@ def running_viewer(web_port: int | None = None) -> Iterator[RunningViewer]:
         command += ["--serve-web", "--web-viewer-port", str(web_port)]
         page = f"http://{HOST}:{web_port}?url={quote(f'rerun+http://{HOST}:{port}/proxy', safe='')}"
     with tempfile.TemporaryFile() as said:
-        # in a group of its own, as the program `rerun` starts another one
         process = subprocess.Popen(command, stdout=said, stderr=said, start_new_session=True)  # noqa: S603 - our own interpreter
         try:
             _wait_for([port] if web_port is None else [port, web_port], process, said)

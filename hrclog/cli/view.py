@@ -128,20 +128,19 @@ def _check_content(target: Path, analysis: Analysis) -> None:
 
 
 def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
-    from hrclog.analyzers.viewer import check_viewer, running_viewer
+    from hrclog.analyzers.viewer import running_viewer
     from hrclog.log.watch import list_folder
 
     list_folder(folder)
-    check_viewer((), web_port)
-    # when its window is closed, Rerun would complain about what it cannot send any more
-    os.environ.setdefault("RUST_LOG", "off")
-    from hrclog.analyzers.live import Followed, follow
-
-    reading = Progress("reading logs")
-    followed = Followed()
     with _Stop() as stop, running_viewer(web_port) as viewer:
         if viewer.page:
             click.echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
+        # when its window is closed, Rerun would complain here about what it cannot send any more
+        os.environ.setdefault("RUST_LOG", "off")
+        from hrclog.analyzers.live import Followed, follow
+
+        reading = Progress("reading logs")
+        followed = Followed()
 
         def enough(seconds: float) -> bool:
             return stop.wait(seconds) or not viewer.is_open()

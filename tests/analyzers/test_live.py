@@ -13,6 +13,7 @@ from typing import Any
 
 import polars as pl
 import pytest
+from cell_logs import write_cell_log
 from event_frames import LEGAL, event, event_rows
 from event_frames import frame as frame_of
 from hypothesis import given, settings
@@ -202,6 +203,26 @@ def test_plans_that_only_rounding_lets_overlap_share_a_lane() -> None:
     assert lanes["A", "planned", 0] == {0: "x", S + 300_000: "y", 2 * S: ""}
 
 
+def test_what_an_agent_does_at_once_lies_in_lanes_of_its_own_until_there_is_room_again() -> None:
+    run = LiveRun(frame([event("run_started", 0), started("A", "x", 1)]))
+    parts = [run.part(2 * S, alive=True)]
+    for first, rows in ((2, [started("A", "y", 3)]), (3, [ended("A", "x", 4), started("A", "z", 5)])):
+        run.take(numbered(rows, first))
+        parts.append(run.part(6 * S, alive=True))
+    assert said(parts) == {
+        ("A", "done", 0): {1 * S: "x", 4 * S: "", 5 * S: "z"},
+        ("A", "done", 1): {3 * S: "y"},
+    }
+
+
+def test_the_plan_that_every_attempt_repeats_is_drawn_once() -> None:
+    planned = {"planned_start_ns": 1 * S, "planned_end_ns": 2 * S}
+    rows = [started("A", "x", 1, **planned), ended("A", "x", 2, outcome="failed")]
+    again = [row | {"execution_id": "again", "attempt": 2, "time_ns": row["time_ns"] + 3 * S} for row in rows]
+    lanes = said([LiveRun(frame([event("run_started", 0), *rows, *again])).part(9 * S, alive=True)])
+    assert [key for key in lanes if key[1] == "planned"] == [("A", "planned", 0)]
+
+
 def test_samples_are_drawn_once_and_held_lines_up_to_a_second_ago() -> None:
     safe = event("safety_state_changed", 2 * S, agent="A", mode="slow", speed_scale=0.5)
     run = LiveRun(frame([event("run_started", 0), started("A", "x", 0), started("B", "y", 0), safe]))
@@ -287,8 +308,8 @@ def watch(folder: Path, viewer: Viewer, *steps: Callable[[], object]) -> Followe
     """Follow a folder; after each look comes a step, and after the last one so many that nothing is new."""
     left = list(steps)
 
-    def wait(_seconds: float) -> bool:
-        if left:
+    def wait(seconds: float) -> bool:
+        if left and seconds:
             left.pop(0)()
         return False
 
@@ -320,7 +341,10 @@ def test_earlier_runs_count_and_the_latest_three_are_drawn(viewer: Viewer, tmp_p
 
 def test_the_statistics_are_those_of_the_whole_folder(tmp_path: Path) -> None:
     ended = EndedRuns()
-    for path in [*samples(tmp_path, 6), Path(shutil.copy(SAMPLES / "failures.mcap", tmp_path))]:
+    write_cell_log(tmp_path / "cell.mcap")
+    shutil.copy(SAMPLES / "failures.mcap", tmp_path)
+    samples(tmp_path, 6)
+    for path in sorted(tmp_path.iterdir()):
         ended.put(path, read_log(path, signals=True))
     found, expected = analyze_logs(ended.logs()), analyze(tmp_path)
     for name in ("intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics"):
@@ -331,6 +355,7 @@ def test_the_statistics_are_those_of_the_whole_folder(tmp_path: Path) -> None:
 def test_a_run_is_drawn_while_it_is_recorded_and_counts_when_it_has_ended(viewer: Viewer, tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "run.mcap", run="a run", agents=["A", "B"])
     handle = recorder.start("A", "x")
+    recorder.signal("gap", 0.5)
 
     def late() -> None:
         recorder.start("B", "y")
@@ -346,7 +371,10 @@ def test_a_run_is_drawn_while_it_is_recorded_and_counts_when_it_has_ended(viewer
     assert next(iter(lanes["B", "done", 0].values())) == "y still open"
     outcomes = [facts(part.figures)["outcome"] for part in run.parts]
     assert outcomes == ["running"] * (len(outcomes) - 2) + ["unfinished", "succeeded"]
-    assert "gap" in {one.name for part in run.parts for one in part.figures.series}
+    lines = [text for part in run.parts for text in part.figures.events.texts]
+    assert lines == list(event_lines(read_log(tmp_path / "run.mcap").events.sort("seq"), 0).texts)
+    samples_drawn = [len(one.values) for part in run.parts for one in part.figures.series if one.name == "gap"]
+    assert samples_drawn == [1, 1]
     assert "signals" in {one.group for one in run.parts[-1].outline.series}
     assert followed == Followed({recorder.run_id}, {recorder.run_id})
     assert [figures.name for figures in viewer.campaigns] == ["campaign of 1 run"]
@@ -380,8 +408,8 @@ def test_a_killed_recorder_leaves_its_run_unfinished_until_it_is_recovered(viewe
 
     steps = [lambda: killed(recorder), nothing, after_kill]
 
-    def wait(_seconds: float) -> bool:
-        if steps:
+    def wait(seconds: float) -> bool:
+        if steps and seconds:
             steps.pop(0)()
         return False
 
@@ -449,6 +477,19 @@ def test_what_cannot_be_read_is_told_once_and_the_rest_goes_on(viewer: Viewer, t
     assert [figures.name for figures in viewer.campaigns] == ["campaign of 1 run"]
 
 
+def test_a_journal_that_is_replaced_is_another_run(viewer: Viewer, tmp_path: Path) -> None:
+    recorders = [Recorder(tmp_path / f"{name}.mcap", run=name) for name in ("one", "two")]
+    for recorder in recorders:
+        recorder.start("A", f"task of {recorder.path.stem}")
+    path = journal_path(recorders[0].path)
+    watch(tmp_path, viewer, nothing, lambda: journal_path(recorders[1].path).replace(path), nothing)
+    assert [run.figures.name for run in viewer.runs] == ["one", "two", "two"]
+    assert [run.closed for run in viewer.runs] == [True] * 3
+    assert set(said(viewer.runs[2].parts)["A", "done", 0].values()) == {"task of two"}
+    for recorder in recorders:
+        killed(recorder)
+
+
 def test_journals_that_nobody_writes_are_told_of_and_drawn_when_they_grow(viewer: Viewer, tmp_path: Path) -> None:
     path, data = tmp_path / "old.mcap.partial", (SAMPLES / "killed.mcap.partial").read_bytes()
     path.write_bytes(data[: len(data) // 2])
@@ -490,6 +531,14 @@ def test_following_ends_when_it_is_enough(viewer: Viewer, tmp_path: Path) -> Non
     follow(tmp_path, "", wait, every_s=0.25, tell=viewer.told.append)
     assert len(asked) == 3
     assert all(0 < seconds <= 0.25 for seconds in asked)
+
+
+def test_reading_what_is_there_can_be_enough(viewer: Viewer, tmp_path: Path) -> None:
+    samples(tmp_path, 5)
+    read: list[Path] = []
+    assert follow(tmp_path, "", lambda _: len(read) == 2, on_file=read.append) == Followed()
+    assert len(read) == 2
+    assert viewer.runs == []
 
 
 def test_statistics_that_fail_say_so_where_they_were_asked_for(tmp_path: Path) -> None:

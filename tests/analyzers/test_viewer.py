@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import stat
 import sys
@@ -16,7 +17,7 @@ from rerun import RecordingStream, TextDocument
 
 from hrclog.analyzers import viewer
 from hrclog.analyzers.recordings import recordings_at
-from hrclog.analyzers.viewer import check_recording, check_viewer, free_port, running_viewer, viewer_path
+from hrclog.analyzers.viewer import check_recording, check_viewer, free_port, open_viewer, running_viewer, viewer_path
 from hrclog.errors import HrclogError, LogReadError
 
 PYTHON = sys.executable
@@ -224,6 +225,29 @@ def test_a_viewer_is_closed_at_the_end_with_all_that_it_started(stub: Path) -> N
             return
         time.sleep(0.05)
     pytest.fail("the viewer still listens")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a script that the system runs")
+@pytest.mark.parametrize("code", [0, 3])
+def test_recordings_are_open_until_the_viewer_ends(code: int, stub: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    program(stub, f"import sys; print(*sys.argv[1:]); sys.exit({code})")
+    path = recording(stub / "one.rrd")
+    assert open_viewer([path]) == code
+    shown = capfd.readouterr().out.split()
+    assert shown[:4] == [str(path), "--bind", "127.0.0.1", "--port"]
+    assert "--serve-web" not in shown
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a script that the system runs")
+def test_an_interrupt_closes_the_viewer_in_peace(stub: Path) -> None:
+    program(stub, f"import os, time; os.kill({os.getpid()}, 2); time.sleep(60)")
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # it may be ignored here
+    try:
+        began = time.monotonic()
+        assert open_viewer([recording(stub / "one.rrd")], free_port()) == 0
+        assert time.monotonic() - began < 20
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a script that the system runs")
