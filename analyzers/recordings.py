@@ -25,7 +25,7 @@ _HOW: Final = "--run takes a part of a name or a glob"
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """Recordings to open; `note` says what is left out, "" if nothing is."""
+    """Recordings to open, of which a viewer shows the last; `note` says what is left out, "" if nothing is."""
 
     paths: tuple[Path, ...]
     note: str = ""
@@ -51,11 +51,11 @@ def recordings_at(target: Path, patterns: Sequence[str] = ()) -> Chosen | None:
     if not (campaign or runs):
         return None
     if not patterns:
-        return Chosen((*campaign, *runs[:MOST_RUNS]), _left_out(runs, MOST_RUNS, _run_names(target)))
+        return Chosen((*runs[:MOST_RUNS], *campaign), _left_out(runs, MOST_RUNS, _run_names(target)))
     found = [path for path in runs if matches(path.stem, patterns)]
     if not found:
         raise _not_there(target, runs, patterns)
-    return Chosen((*campaign, *found))
+    return Chosen((*campaign, *reversed(found)))
 
 
 def matching_runs(runs: pl.DataFrame, patterns: Sequence[str], target: Path) -> list[str]:

@@ -36,6 +36,7 @@ from hrclog.analyzers.rerun_layout import MAX_MARKDOWN_ROWS, campaign_blueprint,
 from hrclog.analyzers.rerun_recording import RUNS, entity, freed_recordings, recording, times
 
 APPLICATION: Final = "hrclog"
+CAMPAIGN_APPLICATION: Final = "hrclog-campaign"
 
 
 @freed_recordings()
@@ -73,7 +74,7 @@ def send_run(rec: rr.RecordingStream, figures: RunFigures) -> None:
         _send_series(rec, series)
     _send_events(rec, figures)
     if figures.tasks.times_ns is not None:
-        _send_rows(rec, "/tasks/rows", times(figures.tasks.times_ns), figures.tasks.frame)
+        send_rows(rec, "/tasks/rows", times(figures.tasks.times_ns), figures.tasks.frame)
     _send_text(rec, "/tasks/text", markdown(figures.tasks, MAX_MARKDOWN_ROWS))
     left_out = send_cell(rec, figures.cell) if figures.cell is not None else []
     _send_text(rec, "/about", about_run(figures, left_out))
@@ -88,7 +89,7 @@ def save_campaign(figures: CampaignFigures, path: Path | str) -> None:
     """
     pictures = campaign_pictures(figures)
     layout = campaign_blueprint(figures, pictures)
-    with recording(f"{APPLICATION} campaign", figures.campaign_id, figures.name, path, layout) as rec:
+    with recording(CAMPAIGN_APPLICATION, figures.campaign_id, figures.name, path, layout) as rec:
         send_campaign(rec, figures, pictures)
 
 
@@ -117,8 +118,9 @@ def send_campaign(rec: rr.RecordingStream, figures: CampaignFigures, pictures: P
     _send_text(rec, "/about", about_campaign(figures))
 
 
-def _lane_path(lane: Lane) -> str:
-    return entity("timeline", lane.agent, f"{lane.kind}_{lane.number + 1}" if lane.number else lane.kind)
+def lane_path(agent: str, kind: str, number: int) -> str:
+    """Return the entity of a lane of a run."""
+    return entity("timeline", agent, f"{kind}_{number + 1}" if number else kind)
 
 
 # columns
@@ -128,7 +130,7 @@ def _send_lane(rec: rr.RecordingStream, lane: Lane) -> None:
     instants, states = state_changes(lane)
     if not states:
         return
-    path = _lane_path(lane)
+    path = lane_path(lane.agent, lane.kind, lane.number)
     colors = {bar.label: bar.color for bar in lane.bars}
     style = rr.StateConfiguration(values=list(colors), labels=list(colors), colors=_rgba(colors.values()))
     rec.log(path, style, static=True, strict=True)
@@ -153,11 +155,12 @@ def _send_events(rec: rr.RecordingStream, figures: RunFigures) -> None:
 
 
 def _send_table(rec: rr.RecordingStream, table: DataTable) -> None:
-    _send_rows(rec, f"/tables/{table.name}/rows", rr.TimeColumn("row", sequence=range(table.frame.height)), table.frame)
+    send_rows(rec, f"/tables/{table.name}/rows", rr.TimeColumn("row", sequence=range(table.frame.height)), table.frame)
     _send_text(rec, f"/tables/{table.name}/text", markdown(table, MAX_MARKDOWN_ROWS))
 
 
-def _send_rows(rec: rr.RecordingStream, path: str, index: rr.TimeColumn, frame: pl.DataFrame) -> None:
+def send_rows(rec: rr.RecordingStream, path: str, index: rr.TimeColumn, frame: pl.DataFrame) -> None:
+    """Send the rows of a frame, each at its place on a timeline."""
     if not frame.height:
         return
     # arrow arrays pass by Rerun's process-wide table of types, in which equal column names of two tables would clash

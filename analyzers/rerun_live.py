@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import polars as pl
-import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import archetypes as rrba
@@ -18,14 +16,19 @@ from hrclog.analyzers.figures.campaign import CampaignFigures
 from hrclog.analyzers.figures.palette import CARD
 from hrclog.analyzers.figures.plot import Page
 from hrclog.analyzers.figures.run import RunFigures
-from hrclog.analyzers.figures.table import DataTable
-from hrclog.analyzers.live_lanes import LaneKey, LaneNews
-from hrclog.analyzers.live_run import LivePart
-from hrclog.analyzers.rerun import campaign_pictures, run_application, send_campaign, send_run
+from hrclog.analyzers.live.lanes import LaneKey, LaneNews
+from hrclog.analyzers.live.run import LivePart
+from hrclog.analyzers.rerun import (
+    CAMPAIGN_APPLICATION,
+    campaign_pictures,
+    lane_path,
+    run_application,
+    send_campaign,
+    send_rows,
+    send_run,
+)
 from hrclog.analyzers.rerun_layout import campaign_blueprint, run_blueprint
-from hrclog.analyzers.rerun_recording import TIMELINE, Layout, entity, freed_recordings, times
-
-CAMPAIGN_APPLICATION: Final = "hrclog campaign"
+from hrclog.analyzers.rerun_recording import TIMELINE, Layout, freed_recordings, times
 
 
 class _Stream:
@@ -85,7 +88,8 @@ class RunStream(_Stream):
         self.lay_out(_following(run_blueprint(part.outline)))
         for key, news in part.lanes.items():
             _send_lane(self.rec, key, news)
-        _send_rows(self.rec, part.rows)
+        if part.rows.times_ns is not None:
+            send_rows(self.rec, "/tasks/rows", times(part.rows.times_ns), part.rows.frame)
         send_run(self.rec, part.figures)
         self.tick(part.now_ns)
 
@@ -187,19 +191,8 @@ def _shape(part: rrb.Container | rrb.View) -> Iterator[object]:
         yield "end"
 
 
-def _send_rows(rec: rr.RecordingStream, table: DataTable) -> None:
-    if table.frame.height and table.times_ns is not None:
-        columns = {column.name: _arrow(column) for column in table.frame}
-        rec.send_columns("/tasks/rows", [times(table.times_ns)], rr.AnyValues.columns(**columns), strict=True)
-
-
-def _arrow(column: pl.Series) -> pa.Array:
-    return column.to_arrow().cast(pa.string()) if column.dtype == pl.String else column.to_arrow()
-
-
 def _send_lane(rec: rr.RecordingStream, key: LaneKey, news: LaneNews) -> None:
-    agent, kind, number = key
-    path = entity("timeline", agent, f"{kind}_{number + 1}" if number else kind)
+    path = lane_path(*key)
     labels = list(news.colors)
     colors = np.array([(*color, 255) for color in news.colors.values()], np.uint8)
     rec.log(path, rr.StateConfiguration(values=labels, labels=labels, colors=colors), static=True, strict=True)

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
 import polars as pl
 
+from hrclog.analyzers.figures.arrays import IntArray
 from hrclog.analyzers.figures.cell import CellFigure, cell_figure
 from hrclog.analyzers.figures.events import EventLines, event_lines, pauses, safety_lanes
 from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, legend, limited
@@ -123,7 +125,14 @@ def _tasks(intervals: pl.DataFrame, origin_ns: int) -> DataTable:
         _seconds(pl.col("planned_start_ns") - origin_ns, "planned_start_s"),
         "reason",
     )
-    return DataTable("tasks", "Executions", frame, times_ns=(ordered["start_ns"] - origin_ns).to_numpy())
+    return DataTable("tasks", "Executions", frame, times_ns=_apart((ordered["start_ns"] - origin_ns).to_numpy()))
+
+
+def _apart(times_ns: IntArray) -> IntArray:
+    """Return rising instants, each a ns or more after the one before: a viewer shows one row per instant."""
+    steps = np.arange(len(times_ns))
+    apart: IntArray = np.maximum.accumulate(times_ns - steps) + steps
+    return apart
 
 
 def _seconds(ns: pl.Expr, name: str) -> pl.Expr:

@@ -30,7 +30,7 @@ VERBS = {
     "run": "Carry a plan out with simulated, replayed or scripted agents.",
     "score": "Say how well estimators predict what they have not seen.",
     "sim": "Simulate runs of a cell and write their logs.",
-    "view": "Open a log or a recording in the Rerun viewer.",
+    "view": "Open a log or a recording in the Rerun viewer, or follow runs while they are recorded.",
 }
 
 

@@ -93,6 +93,8 @@ def _open(target: Path, names: tuple[str, ...], web_port: int | None, output: Pa
         chosen, code = _analysed(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")))
     if chosen.note:
         click.echo(printable(chosen.note), err=True)
+    if len(chosen.paths) > 1:
+        click.echo(f"{len(chosen.paths)} recordings: the panel on the left (Ctrl-Shift-B) lists them", err=True)
     return code if open_viewer(chosen.paths, web_port) == 0 else EXIT_FAILED
 
 
@@ -115,7 +117,9 @@ def _analysed(target: Path, names: tuple[str, ...], folder: Path) -> tuple[Chose
     drawing.done()
     rest = 0 if names else analysis.runs.height - len(chosen)
     note = f"opening {len(chosen)} of {analysis.runs.height:,} runs, evenly spread; --run NAME chooses" if rest else ""
-    return Chosen((folder / RECORDING_NAME, *paths), note), tell(analysis.diagnostics)
+    campaign = folder / RECORDING_NAME
+    shown = (campaign, *reversed(paths)) if names else (*paths, campaign)
+    return Chosen(shown, note), tell(analysis.diagnostics)
 
 
 def _check_content(target: Path, analysis: Analysis) -> None:
@@ -137,7 +141,7 @@ def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: fl
             click.echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
         # when its window is closed, Rerun would complain here about what it cannot send any more
         os.environ.setdefault("RUST_LOG", "off")
-        from hrclog.analyzers.live import Followed, follow
+        from hrclog.analyzers.live.follow import Followed, follow
 
         reading = Progress("reading logs")
         followed = Followed()

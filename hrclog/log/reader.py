@@ -175,6 +175,8 @@ def _read_mcap(path: Path, *, signals: bool) -> Contents:
         data = path.read_bytes()
     except OSError as error:
         raise LogReadError(path, f"a file that cannot be opened ({error.strerror})", "an event log") from error
+    if path.suffix == ".rrd":
+        raise _foreign(path, data)
     contents = read_contents(data, is_wanted if signals else is_event_channel)
     # a kill before or within the magic bytes leaves a prefix of them
     if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
@@ -186,7 +188,7 @@ def _foreign(path: Path, data: bytes) -> LogReadError:
     """Return the error for a file in which nothing of a log was found."""
     if data.startswith(_SQLITE):
         return LogReadError(path, "an SQLite file", "a log", "name the bag's folder, the one with metadata.yaml")
-    if data.startswith(b"RRF"):
+    if data.startswith(b"RRF") or path.suffix == ".rrd":
         return LogReadError(path, "a Rerun recording", "an event log", f"open it with `hrclog view {path}`")
     remedy = "turn it into logs with `hrclog import`" if data[:1] in (b"[", b"{") else ""
     return LogReadError(path, f"a file that begins with {data[:8]!r}", "an MCAP log or a ROS bag", remedy)

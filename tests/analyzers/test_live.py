@@ -19,16 +19,17 @@ from event_frames import frame as frame_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrclog.analyzers import live, live_journal
 from hrclog.analyzers.analysis import Analysis, analyze, analyze_logs
 from hrclog.analyzers.figures import CampaignFigures, RunFigures, run_figures
 from hrclog.analyzers.figures.events import event_lines, pauses
 from hrclog.analyzers.figures.gantt import Lane, execution_lanes, state_changes
 from hrclog.analyzers.intervals import rebuild
-from hrclog.analyzers.live import Followed, follow
-from hrclog.analyzers.live_lanes import LaneKey
-from hrclog.analyzers.live_run import LivePart, LiveRun
-from hrclog.analyzers.live_statistics import EndedRuns, Statistics
+from hrclog.analyzers.live import follow as live
+from hrclog.analyzers.live import journal as live_journal
+from hrclog.analyzers.live.follow import Followed, follow
+from hrclog.analyzers.live.lanes import LaneKey
+from hrclog.analyzers.live.run import LivePart, LiveRun
+from hrclog.analyzers.live.statistics import EndedRuns, Statistics
 from hrclog.analyzers.runs import runs
 from hrclog.errors import LogReadError
 from hrclog.log.checks import usable

@@ -143,7 +143,7 @@ def results(tmp_path: Path) -> Path:
 def test_of_many_runs_the_first_are_opened_and_the_others_named(results: Path) -> None:
     chosen = recordings_at(results)
     assert chosen is not None
-    assert [path.stem for path in chosen.paths] == ["analysis", *NAMES[2:22]]
+    assert [path.stem for path in chosen.paths] == [*NAMES[2:22], "analysis"]  # a viewer shows the last
     left_out = "left out: 3, paper_0022 .. paper_0024"
     assert chosen.note == f"opening 20 of 23 recordings of the 25 runs; {left_out}; --run NAME chooses"
 
@@ -169,7 +169,7 @@ def test_runs_are_chosen_by_part_of_their_name_or_a_glob(
 ) -> None:
     chosen = recordings_at(results, patterns)
     assert chosen is not None
-    assert [path.stem for path in chosen.paths] == ["analysis", *(NAMES[number] for number in numbers)]
+    assert [path.stem for path in chosen.paths] == ["analysis", *(NAMES[number] for number in reversed(numbers))]
     assert chosen.note == ""
 
 

@@ -221,18 +221,18 @@ def test_of_a_folder_of_logs_some_runs_are_drawn_and_the_others_said(
     result = run("view", logs, "-o", tmp_path / "out")
     assert result.code == 0
     assert "opening 20 of 22 runs, evenly spread; --run NAME chooses" in result.err
-    assert [path.name for path in opened[:1]] == ["analysis.rrd"]
+    assert [path.name for path in opened[-1:]] == ["analysis.rrd"]
     assert len(opened) == 21
     assert all(path.is_file() for path in opened)
     opened.clear()
     assert run("view", logs, "-o", tmp_path / "some", "--run", "run_0?", "--run", "21").code == 0
-    assert [path.stem for path in opened] == ["analysis", *(f"run_0{number}" for number in range(10)), "run_21"]
+    assert [path.stem for path in opened] == ["analysis", "run_21", *(f"run_0{number}" for number in range(9, -1, -1))]
     result = run("view", logs, "-o", tmp_path / "none", "--run", "nothing")
     assert result.code == 1
     assert "no run with 'nothing' in its name, expected one of run_00, run_01" in result.err
     opened.clear()
     assert run("view", samples / "single.mcap").code == 0
-    assert [path.stem for path in opened] == ["analysis", "paper_0000"]
+    assert [path.stem for path in opened] == ["paper_0000", "analysis"]
 
 
 def test_a_log_without_events_or_agents_is_said_not_opened(run: Run, tmp_path: Path, opened: list[Path]) -> None:

@@ -18,7 +18,7 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 from rerun_viewers import PATIENCE_S, colours, complaints, tabs
 
-from hrclog.analyzers.live import Followed, follow
+from hrclog.analyzers.live.follow import Followed, follow
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ import polars as pl
 
 from hrclog.analyzers.figures import run_figures
 from hrclog.analyzers.intervals import rebuild
-from hrclog.analyzers.live_run import LiveRun
+from hrclog.analyzers.live.run import LiveRun
 from hrclog.analyzers.rerun_live import RunStream
 from hrclog.analyzers.runs import runs
 from hrclog.errors import LogReadError

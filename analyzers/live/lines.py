@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.figures.series import MAX_SERIES, Series, speed_scales
-from hrclog.analyzers.live_executions import LiveExecutions
+from hrclog.analyzers.live.executions import LiveExecutions
 
 LAG_NS: Final = 1_000_000_000
 """What is held or adds up is drawn up to so long ago: of what has happened since, not all may have been told."""

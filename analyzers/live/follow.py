@@ -14,8 +14,8 @@ import polars as pl
 from hrclog.analyzers.analysis import Analysis
 from hrclog.analyzers.figures import run_figures
 from hrclog.analyzers.intervals import rebuild
-from hrclog.analyzers.live_journal import LiveJournal
-from hrclog.analyzers.live_statistics import EndedRuns, Statistics
+from hrclog.analyzers.live.journal import LiveJournal
+from hrclog.analyzers.live.statistics import EndedRuns, Statistics
 from hrclog.analyzers.rerun_live import CampaignStream, RunStream
 from hrclog.analyzers.runs import runs
 from hrclog.errors import LogReadError

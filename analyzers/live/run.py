@@ -15,10 +15,10 @@ from hrclog.analyzers.figures import RunFigures, run_figures
 from hrclog.analyzers.figures.events import EventLines, safety_lanes
 from hrclog.analyzers.figures.gantt import Gantt, Lane
 from hrclog.analyzers.figures.table import DataTable
-from hrclog.analyzers.live_cell import LiveCell
-from hrclog.analyzers.live_executions import LiveExecutions
-from hrclog.analyzers.live_lanes import LaneKey, LaneNews, LiveLanes
-from hrclog.analyzers.live_lines import LiveLines
+from hrclog.analyzers.live.cell import LiveCell
+from hrclog.analyzers.live.executions import LiveExecutions
+from hrclog.analyzers.live.lanes import LaneKey, LaneNews, LiveLanes
+from hrclog.analyzers.live.lines import LiveLines
 from hrclog.analyzers.runs import runs
 from hrclog.analyzers.schemas import INTERVALS
 from hrclog.events import UNKNOWN_OUTCOME
