@@ -97,7 +97,8 @@ class Analysis:
         run = self.runs.row(by_predicate=pl.col("run_id") == run_id, named=True)
         frames = (self.intervals, self.events, self.signals)
         intervals, events, signals = (frame.filter(pl.col("run_id") == run_id) for frame in frames)
-        return run_figures(run, intervals, events, signals, self.scene.of_run(run_id))
+        tasks = self.durations["task"].to_list()
+        return run_figures(run, intervals, events, signals, self.scene.of_run(run_id), tasks)
 
     def to_rerun(self, path: str | Path) -> None:
         """Write the campaign's recording: matrices, synergies, durations, tables, laid out."""

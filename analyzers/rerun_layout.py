@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import rerun as rr
@@ -16,6 +16,7 @@ from hrclog.analyzers.figures.gantt import Gantt
 from hrclog.analyzers.figures.palette import CARD
 from hrclog.analyzers.figures.plot import Page, page_plots
 from hrclog.analyzers.figures.run import RunFigures
+from hrclog.analyzers.figures.series import Series, limits
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.rerun_cell import cell_view
@@ -29,8 +30,10 @@ def run_blueprint(figures: RunFigures) -> Layout:
     about = rrb.TextDocumentView(origin="/about", name="About this run")
     if not figures.tasks.frame.height and not figures.events.texts:
         return _blueprint(rrb.Tabs(about), rrb.TimePanel(state="hidden"))
-    groups = {series.group: series.step for series in figures.series}
-    lines: list[rrb.View | rrb.Container] = [_series_view(figures.gantt, *group) for group in groups.items()]
+    groups = dict.fromkeys(series.group for series in figures.series)
+    lines: list[rrb.View | rrb.Container] = [
+        _series_view(figures.gantt, name, [one for one in figures.series if one.group == name]) for name in groups
+    ]
     if len(lines) > _SERIES_ROWS:
         lines[_SERIES_ROWS - 1 :] = [rrb.Tabs(*lines[_SERIES_ROWS - 1 :])]
     below = rrb.Horizontal(rrb.Tabs(_events_view(), about), _tabs(_task_views(figures.tasks)))
@@ -62,13 +65,16 @@ def _timeline_height(gantt: Gantt) -> int:
     return min(max(45 + 40 * len(gantt.lanes), 130), 600)
 
 
-def _series_view(gantt: Gantt, group: str, step: bool) -> rrb.View:  # noqa: FBT001 - the items of a mapping
+def _series_view(gantt: Gantt, group: str, series: Sequence[Series]) -> rrb.View:
+    step = all(one.step for one in series)
+    low, high = limits(series)
+    margin = 0.05 * (high - low)
     corner = rrb.Corner2D.RightBottom if step else rrb.Corner2D.LeftTop
     return rrb.TimeSeriesView(
         origin=entity("signals", group),
         name=shorten(group, 40).capitalize(),
         axis_x=_time_axis(gantt),
-        axis_y=rrba.ScalarAxis(range=(-0.05, 1.05)) if step else None,
+        axis_y=rrba.ScalarAxis(range=(low - margin, high + margin)) if step else None,
         plot_legend=rrb.PlotLegend(corner=corner),
     )
 

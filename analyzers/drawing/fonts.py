@@ -11,7 +11,7 @@ from matplotlib.ft2font import FT2Font
 from matplotlib.textpath import text_to_path
 from PIL import ImageFont
 
-from hrclog.analyzers.figures.text import printable, shorten
+from hrclog.analyzers.figures.text import beginning, ending, printable, shorten, shorten_apart
 
 LINE: Final = 1.3
 """The height of a line, in sizes of its text."""
@@ -34,6 +34,7 @@ _WIDER: Final = {
 _FORBIDDEN: Final = {0xFFFE: "·", 0xFFFF: "·"}
 _BREAKS: Final = "_-/. "
 _MEASURED: Final = 100.0  # pt, large enough that rounding does not show
+_FEWEST: Final = 8  # characters in which names can be kept apart
 
 
 def legal(text: str) -> str:
@@ -97,22 +98,32 @@ def fitted(text: str, size: float, room: float, cut: Callable[[str, int], str] =
 
 
 def fitted_all(texts: Sequence[str], size: float, room: float) -> list[str]:
-    """Return the texts cut to `room` px at their middle, beginning or end, whichever tells most of them apart."""
+    """Return the texts cut to `room` px at their middle, beginning or end, whichever tells all of them apart.
+
+    If none does, they are cut to a number of characters in which they can be told apart.
+    """
+    wholes = [one_line(text) for text in texts]
     best: list[str] = []
-    for cut in (shorten, _ending, _beginning):
-        shown = [fitted(text, size, room, cut) for text in texts]
-        if len(set(shown)) == len(set(texts)):
+    for cut in (shorten, ending, beginning):
+        shown = [fitted(text, size, room, cut) for text in wholes]
+        if len(set(shown)) == len(set(wholes)):
             return shown
         best = max(best, shown, key=lambda names: len(set(names)))
+    return _fitted_apart(wholes, size, room) or best
+
+
+def _fitted_apart(texts: Sequence[str], size: float, room: float) -> list[str]:
+    """Return the texts in as many characters as fit, nothing if these are too few to tell them apart."""
+    best: list[str] = []
+    low, high = _FEWEST, max(map(len, texts), default=0)
+    while low <= high:
+        middle = (low + high) // 2
+        labels = shorten_apart(texts, middle)
+        if all(text_width(label, size) <= room for label in labels.values()):
+            best, low = [labels[text] for text in texts], middle + 1
+        else:
+            high = middle - 1
     return best
-
-
-def _ending(text: str, width: int) -> str:
-    return f"…{text[len(text) - width + 1 :]}"
-
-
-def _beginning(text: str, width: int) -> str:
-    return f"{text[: width - 1]}…"
 
 
 def balanced(text: str, size: float, room: float) -> tuple[str, ...]:

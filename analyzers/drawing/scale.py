@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -14,7 +15,12 @@ from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.plot import Axis
 
 _FARTHEST: Final = 1e5  # px; beyond it, back ends lose count
+_MANY_SPANS: Final = 1e9  # of an axis; beyond it, px lie beyond the farthest too
 _PLAIN: Final = (1e-5, 1e12)  # between these a number is written without an exponent
+_MOST_DIGITS: Final = 5  # of a zero; steps that need more are mostly written with an exponent
+_LEAST_SPAN: Final = 1e-300  # of steps of which all are powers of ten that a float64 holds
+_NEAREST: Final = 1e-12  # of the values: steps within a smaller span are hardly told apart by a float64
+_POWERS: Final = (-323, 308)  # of ten, that a float64 holds
 
 Tick = tuple[float, str]
 
@@ -34,7 +40,9 @@ class Scale:
             shown = np.asarray(values, dtype=np.float64)
             if self.axis.log:
                 shown = np.log10(np.where(shown > 0, shown, np.nan))
-            share = (shown - low) / (high - low)
+            if not math.isfinite(high - low):
+                low, high, shown = low / 4, high / 4, shown / 4
+            share = np.clip((shown - low) / (high - low), -_MANY_SPANS, _MANY_SPANS)
             return np.clip(self.start + share * (self.end - self.start), -_FARTHEST, _FARTHEST)
 
     def end_at(self, values: npt.ArrayLike) -> FloatArray:
@@ -59,13 +67,18 @@ def plain(value: float, digits: int) -> str:
     """Return a number as it is said: without an exponent where its size is ordinary, and no minus before zero."""
     if value and not _PLAIN[0] <= abs(value) < _PLAIN[1]:
         return f"{value:.6g}"
+    if not value and digits > _MOST_DIGITS:
+        return "0"
     shown = f"{value:,.{digits}f}"
     return shown.removeprefix("-") if float(shown.replace(",", "")) == 0 else shown
 
 
 def _span(axis: Axis) -> tuple[float, float]:
     low, high = (math.log10(axis.low), math.log10(axis.high)) if axis.log else (axis.low, axis.high)
-    return (low - 0.5, high + 0.5) if low == high else (low, high)
+    if low < high or high < low:
+        return low, high
+    pad = max(0.5, abs(low) * 1e-9)
+    return max(low - pad, -sys.float_info.max), min(high + pad, sys.float_info.max)
 
 
 def _round_step(about: float) -> float:
@@ -77,7 +90,10 @@ def _round_step(about: float) -> float:
 def _linear_ticks(low: float, high: float, about: float) -> tuple[Tick, ...]:
     if low == high:
         return ((low, f"{low:.6g}"),)
-    step = _round_step((high - low) / about)
+    if high - low < max(_LEAST_SPAN, _NEAREST * max(abs(low), abs(high))):
+        return (low, f"{low:.6g}"), (high, f"{high:.6g}")
+    parts = max(about, 2.0) if math.isinf(high - low) else about
+    step = _round_step(high / parts - low / parts)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return tuple((index * step, plain(index * step, digits)) for index in range(first, last + 1))
@@ -94,9 +110,9 @@ def _log_ticks(low: float, high: float, about: float) -> tuple[Tick, ...]:
 
 
 def _powers(low: float, high: float, factors: tuple[int, ...]) -> Iterator[Tick]:
-    first = math.floor(math.log10(low))
-    for power in range(first, math.ceil(math.log10(high)) + 1):
+    first, last = max(math.floor(math.log10(low)), _POWERS[0]), min(math.ceil(math.log10(high)), _POWERS[1])
+    for power in range(first, last + 1):
         for factor in factors:
             value = factor * 10.0**power
-            if low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
+            if math.isfinite(value) and low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
                 yield value, plain(value, max(0, -power))

@@ -7,11 +7,11 @@ from itertools import groupby
 from typing import Final
 
 from hrclog.analyzers.figures.boxplot import Box, BoxPlot
-from hrclog.analyzers.figures.palette import CARD, REDUCED, TASKS, WHITE
+from hrclog.analyzers.figures.palette import CARD, MARK, REDUCED, WHITE
 from hrclog.analyzers.figures.plot import NAMELESS, NARROW, WIDE, Axis, Dot, Key, Plot, Rect, Stroke, Text
 from hrclog.analyzers.figures.text import shorten
 
-_BLUE: Final = TASKS[4]
+_BLUE: Final = MARK
 _ROW: Final = 30
 _DENSE_ROW: Final = 22
 _MANY: Final = 24

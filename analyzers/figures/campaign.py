@@ -89,8 +89,8 @@ def campaign_figures(
         further: what else there is to draw.
     """
     further = further or Further()
-    kept_overlaps, left_out = _first_pairs(pair_overlaps)
-    kept_synergies, _ = _first_pairs(synergies)
+    kept_overlaps, left_out = _first_pairs(pair_overlaps, pair_overlaps)
+    kept_synergies, _ = _first_pairs(synergies, pair_overlaps)
     synergy, seconds, ratio = _matrices(kept_overlaps, kept_synergies)
     coefficients = [
         coefficients_plot(one, ("coefficients", *one.agents)) for one in synergy_coefficients(kept_synergies)
@@ -104,7 +104,7 @@ def campaign_figures(
         Page("Durations", tuple(boxes)),
         Page("Makespans", tuple(makespan_plot(runs, further.plan_labels))),
         Page("Fluency", tuple(fluency_plots(further.metrics, dict(runs.select("run_id", "name").iter_rows())))),
-        *_settling_pages(further),
+        *_settling_pages(further, pair_overlaps),
     )
     alone = () if pair_overlaps.height else ("No two agents have tasks to compare: no overlaps, no synergies.",)
     return CampaignFigures(
@@ -126,9 +126,9 @@ def _matrices(pair_overlaps: pl.DataFrame, synergies: pl.DataFrame) -> tuple[lis
     return found, seconds, [Matrix(("overlap", "ratio", *one.agents), one) for _, one in both]
 
 
-def _settling_pages(further: Further) -> tuple[Page, Page]:
+def _settling_pages(further: Further, pair_overlaps: pl.DataFrame) -> tuple[Page, Page]:
     """Return how estimates settled as runs came in: curves, and the synergies after so many runs."""
-    settling, _ = _first_pairs(further.settling)
+    settling, _ = _first_pairs(further.settling, pair_overlaps)
     curves = (*settling_curves(settling), *duration_curves(further.settling_durations))
     return Page("Settling", curves), Page("Synergy over runs", steps=tuple(settling_heatmaps(settling)))
 
@@ -137,13 +137,19 @@ def _heatmap_page(name: str, matrices: Sequence[Matrix]) -> Page:
     return Page(name, tuple(heatmap_plot(one.heatmap, one.path) for one in matrices))
 
 
-def _first_pairs(frame: pl.DataFrame) -> tuple[pl.DataFrame, tuple[str, ...]]:
-    pairs = frame.select("agent", "other_agent").unique().sort("agent", "other_agent")
+def _first_pairs(frame: pl.DataFrame, pair_overlaps: pl.DataFrame) -> tuple[pl.DataFrame, tuple[str, ...]]:
+    """Return the rows of the ordered pairs of agents that are drawn: those that overlap most, and what is not drawn."""
+    pairs = frame.select("agent", "other_agent").unique()
     if pairs.height <= MAX_AGENT_PAIRS:
         return frame, ()
-    kept = frame.join(pairs.head(MAX_AGENT_PAIRS), on=["agent", "other_agent"], how="semi", maintain_order="left")
-    drawn = f"Matrices and coefficients of the first {MAX_AGENT_PAIRS} of {pairs.height} pairs of agents are drawn"
-    return kept, (f"{drawn}; the tables have all.",)
+    overlap = pair_overlaps.group_by("agent", "other_agent").agg(pl.col("overlap_s").sum())
+    most = pairs.join(overlap, on=["agent", "other_agent"], how="left").sort(
+        "overlap_s", "agent", "other_agent", descending=[True, False, False], nulls_last=True
+    )
+    chosen = most.head(MAX_AGENT_PAIRS).select("agent", "other_agent")
+    kept = frame.join(chosen, on=["agent", "other_agent"], how="semi", maintain_order="left")
+    drawn = f"Matrices and coefficients of {MAX_AGENT_PAIRS} of {pairs.height} pairs of agents are drawn"
+    return kept, (f"{drawn}, those that overlap most; the tables have all.",)
 
 
 def _tables(

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
 from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
 from hrclog.analyzers.figures.curves import log_ticks
 from hrclog.analyzers.figures.palette import Color, Paint
-from hrclog.analyzers.figures.plot import NAMELESS, NARROW, Axis, Dot, Key, Plot, Stroke
+from hrclog.analyzers.figures.plot import NAMELESS, NARROW, Axis, Dot, Key, Plot, Stroke, Text
 
 _WIDEST: Final = 5.0
+_WIDEST_LOG: Final = 100.0
 _ROW: Final = 26
 _LONGER: Final[Color] = (222, 111, 38)
 _SHORTER: Final[Color] = (62, 139, 190)
@@ -27,16 +29,16 @@ _KEYS: Final = (
 def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     """Return a row per coefficient with its 95 % interval.
 
-    Estimates are within the axis; intervals that reach beyond it, and beyond 5, are clipped, which is said.
+    Estimates are within the axis. Intervals that reach beyond 100 (beyond 5 on a linear axis, which is taken where a
+    factor is not above 0) are clipped, which an arrow says.
     """
     lows = [row.value if row.low is None else row.low for row in plot.rows]
     highs = [row.value if row.high is None else row.high for row in plot.rows]
     values = [row.value for row in plot.rows]
     log = all(value > 0 for value in values)
-    least, furthest = (
-        min([1 / _WIDEST, *(0.9 * value for value in values)]),
-        max([_WIDEST, *(1.1 * value for value in values)]),
-    )
+    widest = _WIDEST_LOG if log else _WIDEST
+    least = min([1 / widest, *(0.9 * value for value in values)])
+    furthest = max([widest, *(1.1 * value for value in values)])
     low, high = max(min([0.8, *lows]), least), min(max([1.2, *highs]), furthest)
     clipped = sum(least < low or most > high for least, most in zip(lows, highs, strict=True))
     some = "1 interval reaches" if clipped == 1 else f"{clipped} intervals reach"
@@ -52,7 +54,8 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
         x=_axis(low, high, log=log),
         y=Axis(count, 0, ticks=names or NAMELESS),
         area=(NARROW, count * _ROW),
-        strokes=(*one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high)))),
+        strokes=(*one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high), log=log))),
+        texts=tuple(arrow for y, row in drawn for arrow in _arrows(row, y, (low, high))),
         dots=tuple(_dot(row, y) for y, row in drawn),
         keys=_KEYS if drawn else (),
         notes=(*plot.captions, *beyond),
@@ -68,14 +71,26 @@ def _axis(low: float, high: float, *, log: bool) -> Axis:
     return Axis(low - margin, high + margin, label, grid=True)
 
 
-def _strokes(row: Coefficient, y: float, ends: tuple[float, float]) -> Iterator[Stroke]:
+def _strokes(row: Coefficient, y: float, ends: tuple[float, float], *, log: bool) -> Iterator[Stroke]:
+    """Yield the interval, thin, and the standard error, thick; on a logarithmic axis that of the logarithm."""
     spans = []
     if row.low is not None and row.high is not None:
         spans.append((row.low, row.high, 1.5))
-    if row.std_err is not None:
+    if row.std_err is not None and log:
+        ratio = math.exp(row.std_err / row.value)  # delta method
+        spans.append((row.value / ratio, row.value * ratio, 4.5))
+    elif row.std_err is not None:
         spans.append((row.value - row.std_err, row.value + row.std_err, 4.5))
     for low, high, width in spans:
         yield Stroke(((max(low, ends[0]), y), (min(high, ends[1]), y)), _paint(row), width, _said(row))
+
+
+def _arrows(row: Coefficient, y: float, ends: tuple[float, float]) -> Iterator[Text]:
+    """Yield an arrow head where an interval goes on beyond the axis."""
+    if row.low is not None and row.low < ends[0]:
+        yield Text((ends[0], y), "◂", _paint(row), 14)
+    if row.high is not None and row.high > ends[1]:
+        yield Text((ends[1], y), "▸", _paint(row), 14)
 
 
 def _dot(row: Coefficient, y: float) -> Dot:

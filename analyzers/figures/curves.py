@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -10,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from hrclog.analyzers.figures.palette import TASKS, Color
+from hrclog.analyzers.figures.palette import LINES, Color
 from hrclog.analyzers.figures.plot import WIDE, Axis, Band, Dot, Plot, Stroke, Text
 from hrclog.analyzers.synergy.log_work import Floats
 
@@ -22,6 +23,8 @@ _LINE_PX: Final = 20
 _FURTHEST: Final = 3.0  # times the values, as far as a last interval may widen the axis
 _FURTHER: Final = 1.5  # the same of the intervals before
 _FEWEST_TICKS: Final = 4
+_MOST_TICKS: Final = 12
+_LEAST_SPAN: Final = 1e-300  # of steps of which all are powers of ten that a float64 holds
 _TICK_PX: Final = 44
 
 
@@ -91,7 +94,7 @@ def curves_plot(
         notes: what is not drawn.
     """
     area = _area(curves, numbers, label, level)
-    colored = list(zip(curves, TASKS, strict=False))
+    colored = list(zip(curves, LINES, strict=False))
     heights = _apart([curve.last.value for curve in curves], area.y)
     known = [knot for curve in curves for knot in curve.knots if knot]
     clipped = any(area.clipped(end, 0.0) != (end or 0.0) for knot in known for end in (knot.low, knot.high))
@@ -123,8 +126,10 @@ def curves_plot(
 
 def _area(curves: Sequence[Curve], numbers: Sequence[int], label: str, level: float | None) -> _Area:
     low, high = _reach(curves, level)
-    pad = (high / low) ** 0.04 if high > low else 1.1
-    low, high = low / pad, high * pad
+    pad = max(math.exp(0.04 * (math.log(high) - math.log(low))), 1 + 1e-6) if high > low else 1.1
+    # the least numbers that a float64 holds cannot be padded
+    low = low / pad or low
+    high = max(min(high * pad, sys.float_info.max), math.nextafter(low, math.inf))
     first, last = numbers[0], numbers[-1]
     reach = math.log(last / first) or 1.0
     left = math.exp(math.log(first) - 0.03 * reach)
@@ -165,8 +170,10 @@ def log_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
         found = [base * 10.0**power for power in powers for base in bases]
         inside = [value for value in found if low <= value <= high]
         if len(inside) >= _FEWEST_TICKS:
-            return tuple((value, f"{value:g}") for value in inside)
+            return tuple((value, f"{value:g}") for value in inside[:: math.ceil(len(inside) / _MOST_TICKS)])
     least = (high - low) / 8
+    if least < _LEAST_SPAN:
+        return (low, f"{low:g}"), (high, f"{high:g}")
     power = 10.0 ** math.floor(math.log10(least))
     step = next((base * power for base in (1, 2, 5) if base * power >= least), 10 * power)
     steps = range(math.ceil(low / step), math.floor(high / step) + 1)
@@ -215,7 +222,8 @@ def _apart(values: Sequence[float], y: Axis) -> list[float]:
 
     Names that would overlap form a block around their mean (pool adjacent violators, which is least squares).
     """
-    shares = np.log(np.array(values) / y.low) / math.log(y.high / y.low)
+    reach = math.log(y.high) - math.log(y.low)
+    shares = (np.log(np.array(values)) - math.log(y.low)) / reach
     gap = _LINE_PX / _HEIGHT
     order = np.argsort(shares, kind="stable")
     wanted = shares[order] - gap * np.arange(len(values))
@@ -229,4 +237,4 @@ def _apart(values: Sequence[float], y: Axis) -> list[float]:
     level = np.clip(level, gap / 2, 1 - gap * (len(values) - 0.5))
     placed = np.empty(len(values))
     placed[order] = level + gap * np.arange(len(values))
-    return [float(y.low * (y.high / y.low) ** share) for share in placed]
+    return [max(math.exp(math.log(y.low) + share * reach), y.low) for share in placed.tolist()]

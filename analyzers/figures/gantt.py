@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -65,7 +65,10 @@ class Gantt:
 
 
 def execution_lanes(
-    intervals: pl.DataFrame, pauses: dict[str, list[tuple[int, int, str]]], origin_ns: int
+    intervals: pl.DataFrame,
+    pauses: dict[str, list[tuple[int, int, str]]],
+    origin_ns: int,
+    tasks: Collection[str] = (),
 ) -> list[Lane]:
     """Return the lanes of what was done: failures, pauses, retries and open ends differ in label and colour.
 
@@ -73,10 +76,11 @@ def execution_lanes(
         intervals: the executions of one run, schema `INTERVALS`.
         pauses: execution id -> (start_ns, end_ns, cause), see `events.pauses`.
         origin_ns: becomes 0.
+        tasks: further ones that have colours, so that those of several runs have the same.
     """
     rows = intervals.select(_COLUMNS).rows(named=True)
     rows.sort(key=lambda row: (row["agent"], row["start_ns"], -row["until_ns"]))  # a sequence goes before its steps
-    colors = task_colors(row["task"] for row in rows)
+    colors = task_colors([*(row["task"] for row in rows), *tasks])
     lanes: list[Lane] = []
     for agent in dict.fromkeys(row["agent"] for row in rows):
         own = [row for row in rows if row["agent"] == agent]
@@ -99,9 +103,11 @@ def limited(lanes: Sequence[Lane], max_lanes: int = MAX_LANES) -> tuple[tuple[La
     return shown, tuple(captions)
 
 
-def legend(intervals: pl.DataFrame) -> tuple[tuple[str, Color], ...]:
-    """Return the tasks of a run with the colours of their bars, sorted by name."""
-    return tuple((shorten(task, LABEL_WIDTH), color) for task, color in task_colors(intervals["task"]).items())
+def legend(intervals: pl.DataFrame, tasks: Collection[str] = ()) -> tuple[tuple[str, Color], ...]:
+    """Return the tasks of a run with the colours of their bars, sorted by name; `tasks` as for `execution_lanes`."""
+    own = set(intervals["task"])
+    colors = task_colors([*own, *tasks])
+    return tuple((shorten(task, LABEL_WIDTH), color) for task, color in colors.items() if task in own)
 
 
 def state_changes(lane: Lane) -> tuple[list[int], list[str]]:

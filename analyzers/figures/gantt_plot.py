@@ -30,7 +30,8 @@ def gantt_plot(gantt: Gantt, path: tuple[str, ...]) -> Plot:
     rows = list(enumerate(gantt.lanes))
     count = max(len(rows), 1)
     x = seconds_axis(gantt)
-    bars = [(lane, row + 0.5, bar) for row, lane in rows for bar in lane.bars if bar.end_ns > bar.start_ns]
+    bars = [(lane, row + 0.5, bar) for row, lane in rows for bar in lane.bars]
+    px_per_s = WIDE / (x.high - x.low)
     return Plot(
         path=path,
         title="Timeline",
@@ -39,7 +40,7 @@ def gantt_plot(gantt: Gantt, path: tuple[str, ...]) -> Plot:
         y=Axis(count, 0, ticks=tuple((row + 0.5, _name(lane)) for row, lane in rows)),
         area=(WIDE, count * _ROW),
         rects=tuple(_rect(lane, y, bar) for lane, y, bar in bars),
-        texts=tuple(text for lane, y, bar in bars for text in _texts(lane, y, bar)),
+        texts=tuple(text for lane, y, bar in bars for text in _texts(lane, y, bar, px_per_s)),
         keys=_keys(gantt),
         left=LEFT,
     )
@@ -63,13 +64,27 @@ def _rect(lane: Lane, y: float, bar: Bar) -> Rect:
     return Rect((start, y - half), (end, y + half), bar.color, f"{bar.label}: {start:.2f} to {end:.2f} s")
 
 
-def _texts(lane: Lane, y: float, bar: Bar) -> Iterator[Text]:
+def _texts(lane: Lane, y: float, bar: Bar, px_per_s: float) -> Iterator[Text]:
     """Give a bar's label, or only its beginning where the whole does not fit."""
     if lane.kind == "safety":
         return
     start, end = bar.start_ns / _S, bar.end_ns / _S
     size = 12 if lane.kind == "done" else 10
-    yield Text(((start + end) / 2, y), bar.label, ink_on(bar.color), size, room=0.96 * (end - start))
+    most = int((end - start) * px_per_s / (_CHARACTER * size))
+    label = (
+        bar.label
+        if len(bar.label) <= most
+        else f"{bar.label[: most - 1].rstrip()}…"
+        if most > _FEWEST
+        else bar.label[:most]
+    )
+    if label:
+        yield Text(((start + end) / 2, y), label, ink_on(bar.color), size, room=end - start)
+
+
+_CHARACTER: Final = 0.62
+"""Width of a letter over the height of the font, rather too wide."""
+_FEWEST: Final = 3
 
 
 def _keys(gantt: Gantt) -> tuple[Key, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from hrclog.analyzers.figures.heatmap import Heatmap
 from hrclog.analyzers.figures.palette import Paint, ink_on
 from hrclog.analyzers.figures.plot import Axis, ColorBar, Plot, Rect, Text
-from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.figures.text import shorten_apart
 
 _WIDEST: Final = 124
 _NARROWEST: Final = 24
@@ -50,8 +50,8 @@ def heatmap_plot(heatmap: Heatmap, path: tuple[str, ...]) -> Plot:
 
 
 def _ticks(names: tuple[str, ...]) -> tuple[tuple[float, str], ...]:
-    longest = 32 if len(names) <= 12 else 26
-    return tuple((index + 0.5, shorten(name, longest)) for index, name in enumerate(names))
+    labels = shorten_apart(names, 32 if len(names) <= 12 else 26)
+    return tuple((index + 0.5, labels[name]) for index, name in enumerate(names))
 
 
 def _cell(heatmap: Heatmap, row: int, column: int, width: int, height: int) -> Rect:

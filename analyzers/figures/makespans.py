@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.figures.palette import TASKS
+from hrclog.analyzers.figures.palette import MARK
 from hrclog.analyzers.figures.plot import WIDE, Axis, Band, Dot, Key, Plot, Stroke
 from hrclog.analyzers.figures.rows import Row, evenly, rows_plot, span
 from hrclog.analyzers.mean_interval import mean_interval
@@ -27,7 +27,7 @@ HOW_TO_READ_ORDER: Final = (
 
 _NOT_DONE: Final = tuple(outcome.value for outcome in Outcome if outcome is not Outcome.SUCCEEDED)
 _LABEL: Final = "makespan: seconds from the first start to the last end"
-_BLUE: Final = TASKS[4]
+_BLUE: Final = MARK
 _MOST_NAMED: Final = 12
 
 
@@ -42,7 +42,7 @@ def makespan_plot(runs: pl.DataFrame, labels: pl.DataFrame) -> list[Plot]:
         labels: a frame of schema `PLAN_LABELS`.
     """
     complete = (
-        _complete(runs).join(labels, on="run_id", how="left").with_columns(pl.col("plan", "planner").fill_null(""))
+        complete_runs(runs).join(labels, on="run_id", how="left").with_columns(pl.col("plan", "planner").fill_null(""))
     )
     if complete.height < 2:
         return []
@@ -56,7 +56,12 @@ def makespan_plot(runs: pl.DataFrame, labels: pl.DataFrame) -> list[Plot]:
     return [_in_order(complete, left_out)]
 
 
-def _complete(runs: pl.DataFrame) -> pl.DataFrame:
+def complete_runs(runs: pl.DataFrame) -> pl.DataFrame:
+    """Return the runs whose makespans can be compared, in order of time: those that nothing cut short.
+
+    Args:
+        runs: a frame of schema `RUNS`.
+    """
     done = ~pl.col("outcome").is_in(_NOT_DONE) & (pl.col("n_open") == 0) & pl.col("makespan_s").is_not_null()
     return runs.filter(done).sort("start_ns", "run_id")
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import polars as pl
 
 from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix, on_one_scale
-from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.figures.synergy_heatmap import agent_names
 
 
 def overlap_matrices(pair_overlaps: pl.DataFrame) -> list[tuple[Heatmap, Heatmap]]:
@@ -17,13 +18,14 @@ def overlap_matrices(pair_overlaps: pl.DataFrame) -> list[tuple[Heatmap, Heatmap
     Args:
         pair_overlaps: a frame of schema `PAIR_OVERLAPS`.
     """
-    pairs = [_pair(agents, cells) for agents, cells in agent_pairs(pair_overlaps)]
+    called = agent_names(pair_overlaps)
+    pairs = [_pair(agents, cells, called) for agents, cells in agent_pairs(pair_overlaps)]
     seconds, ratios = (on_one_scale([pair[kind] for pair in pairs]) for kind in (0, 1))
     return list(zip(seconds, ratios, strict=True))
 
 
-def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> tuple[Heatmap, Heatmap]:
-    agent, other = (shorten(name, 28) for name in agents)
+def _pair(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[str, str]) -> tuple[Heatmap, Heatmap]:
+    agent, other = (called[name] for name in agents)
     drawn = axes(cells, "overlap_s", agents)
     empty = Heatmap(
         agents=agents,
@@ -43,7 +45,8 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> tuple[Heatmap, Heatma
         empty,
         title=f"Overlap: {agent} with {other}, total seconds",
         values=matrix(cells, "overlap_s", drawn),
-        reading="Seconds in which both tasks ran at once, over all runs; n counts pairs of executions that overlapped.",
+        reading="Seconds in which both tasks ran at once, over all runs; n counts pairs of executions that overlapped, "
+        "of all executions, failed ones too.",
         unit="seconds together",
         digits=1,
     )

@@ -42,18 +42,33 @@ OPEN: Final[Color] = (150, 156, 166)
 REDUCED: Final[Color] = (230, 159, 0)
 FULL_SPEED: Final[Color] = (0, 128, 104)
 
-# Okabe and Ito (2008) and Tol (2021), less the vermilion kept for failures
+# 17 or more apart (CIE 1976) from each other and from the colours above, for normal, protan and deutan eyes alike
 TASKS: Final[tuple[Color, ...]] = (
     (0, 114, 178),
-    (230, 159, 0),
+    (190, 140, 100),
+    (60, 60, 190),
+    (221, 204, 119),
+    (86, 180, 233),
+    (116, 84, 52),
+    (250, 240, 120),
+    (100, 60, 90),
+    (215, 190, 170),
+    (51, 34, 136),
+)
+
+MARK: Final[Color] = (86, 180, 233)
+"""Of what needs no other colour: boxes, and dots of single values."""
+
+# Okabe and Ito (2008) and Tol (2021), those that stand out on dark and on light ground
+LINES: Final[tuple[Color, ...]] = (
+    (0, 114, 178),
+    (213, 94, 0),
     (0, 158, 115),
     (204, 121, 167),
     (86, 180, 233),
     (153, 153, 51),
     (125, 107, 196),
-    (221, 204, 119),
     (136, 34, 85),
-    (68, 170, 153),
 )
 
 _DIVERGING: Final[tuple[Color, ...]] = ((33, 102, 172), (103, 169, 207), (240, 240, 240), (239, 138, 71), (179, 73, 10))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from hrclog.analyzers.figures.arrays import IntArray
-from hrclog.analyzers.figures.palette import CARD, TASKS, WHITE
-from hrclog.analyzers.figures.plot import WIDE, Axis, Dot, Key, Plot, Rect, Stroke
+from hrclog.analyzers.figures.palette import CARD, MARK, WHITE
+from hrclog.analyzers.figures.plot import NAMELESS, WIDE, Axis, Dot, Key, Plot, Rect, Stroke
+from hrclog.analyzers.figures.series import BEYOND
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.mean_interval import mean_interval
 from hrclog.analyzers.synergy.log_work import Floats
@@ -21,7 +23,7 @@ MAX_ROWS: Final = 40
 
 LONGEST_NAME: Final = 64
 
-_BLUE: Final = TASKS[4]
+_BLUE: Final = MARK
 _ROW: Final = 44
 _DENSE_ROW: Final = 32
 _MANY: Final = 12
@@ -69,7 +71,7 @@ def rows_plot(
     """Return a plot of rows in their order, the first on top.
 
     The axis holds all values; an interval that reaches far beyond them is clipped, which is said. The statistics are of
-    all values, also where not every one is drawn.
+    all values, also where not every one is drawn, but for those of `BEYOND` or more: these stand for something else.
 
     Args:
         path: of the plot.
@@ -82,8 +84,10 @@ def rows_plot(
         zero: whether the axis holds 0, marked by a line.
         notes: what else is not drawn.
     """
-    drawn = [_placed(top, row) for top, row in enumerate(rows[:MAX_ROWS])]
-    low, high = _span(drawn, zero=zero)
+    known = [row for row in map(_known, rows) if row.values]
+    left_out = sum(len(row.values) for row in rows) - sum(len(row.values) for row in known)
+    drawn = [_placed(top, row) for top, row in enumerate(known[:MAX_ROWS])]
+    low, high = _span(drawn, zero=zero) if drawn else (0.0, 1.0)
     ends = [(one.low, one.high) for one in drawn if one.low is not None and one.high is not None]
     beyond = sum(least < low or most > high for least, most in ends)
     thinned = sum(len(one.values) > MAX_DOTS for one in drawn)
@@ -91,17 +95,18 @@ def rows_plot(
     if zero and low < 0:
         strokes.insert(0, Stroke(((0.0, 0.0), (0.0, len(drawn))), "muted", 1.0, "0"))
     said = (
-        f"{len(rows) - MAX_ROWS} further rows are not drawn." if len(rows) > MAX_ROWS else "",
+        f"{len(known) - MAX_ROWS} further rows are not drawn." if len(known) > MAX_ROWS else "",
         f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all." if thinned else "",
         f"Intervals that reach beyond the axis: {beyond}." if beyond else "",
+        f"Values beyond 1e12 that are left out, of the means too: {left_out}." if left_out else "",
     )
     return Plot(
         path=path,
         title=title,
         reading=reading,
         x=Axis(low, high, label, grid=True),
-        y=Axis(len(drawn), 0, ticks=tuple((one.top + 0.5, _name(one)) for one in drawn)),
-        area=(WIDE, len(drawn) * (_ROW if len(drawn) <= _MANY else _DENSE_ROW)),
+        y=Axis(max(len(drawn), 1), 0, ticks=tuple((one.top + 0.5, _name(one)) for one in drawn) or NAMELESS),
+        area=(WIDE, max(len(drawn), 1) * (_ROW if len(drawn) <= _MANY else _DENSE_ROW)),
         rects=tuple(_box(one, unit) for one in drawn if boxes and len(one.values) > 1),
         strokes=tuple(strokes),
         dots=tuple(dot for one in drawn for dot in _dots(one, unit)),
@@ -122,7 +127,7 @@ def span(values: Floats, ends: Sequence[float]) -> tuple[float, float]:
     low = max(min([least, *ends]), least - _BEYOND * width)
     high = min(max([most, *ends]), most + _BEYOND * width)
     pad = _PAD * width if low < high else width
-    return low - pad, high + pad
+    return max(low - pad, -sys.float_info.max), min(high + pad, sys.float_info.max)
 
 
 def spread(count: int) -> Floats:
@@ -134,6 +139,16 @@ def spread(count: int) -> Floats:
 def evenly(count: int, most: int = MAX_DOTS) -> IntArray:
     """Return the indices of those to draw: all, or `most` spread evenly, the first and the last among them."""
     return np.arange(count) if count <= most else np.linspace(0, count - 1, most).round().astype(np.int64)
+
+
+def _known(row: Row) -> Row:
+    """Return a row without the values that stand for something else."""
+    known = [index for index, value in enumerate(row.values) if abs(value) < BEYOND]
+    if len(known) == len(row.values):
+        return row
+    return replace(
+        row, values=tuple(row.values[index] for index in known), labels=tuple(row.labels[index] for index in known)
+    )
 
 
 def _placed(top: int, row: Row) -> _Drawn:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ from hrclog.analyzers.figures.arrays import IntArray
 from hrclog.analyzers.figures.cell import CellFigure, cell_figure
 from hrclog.analyzers.figures.events import EventLines, event_lines, pauses, safety_lanes
 from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, legend, limited
-from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales
+from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales, without_echoes
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.log.recorded_scene import RunScene
 
@@ -42,6 +42,7 @@ def run_figures(
     events: pl.DataFrame,
     signals: pl.DataFrame,
     scene: RunScene | None = None,
+    tasks: Collection[str] = (),
 ) -> RunFigures:
     """Return the figures of a run.
 
@@ -51,16 +52,17 @@ def run_figures(
         events: its flat events, columns of `hrclog.events.COLUMNS`.
         signals: its samples, schema `SIGNALS`.
         scene: what was recorded of its cell.
+        tasks: of other runs too, so that all have the same colours.
     """
     origin, end = _span(run, intervals, events, signals)
-    lanes, captions = limited(_lanes(intervals, events, origin, end))
+    lanes, captions = limited(_lanes(intervals, events, origin, end, tasks))
     signal_lines, left_out = signal_series(signals, origin, scene.descriptions if scene is not None else ())
     overlap_lines, pairs_left_out = overlaps_so_far(intervals, origin)
     lines = event_lines(events, origin)
     start_ns, end_ns, outside = _in_view(lanes, end - origin)
-    gantt = Gantt(lanes, start_ns, end_ns, legend(intervals))
+    gantt = Gantt(lanes, start_ns, end_ns, legend(intervals, tasks))
     cell = cell_figure(scene, events, signals, origin, gantt.start_ns) if scene is not None else None
-    series = [*speed_scales(events, origin, end), *signal_lines, *overlap_lines]
+    series = without_echoes([*speed_scales(events, origin, end), *signal_lines, *overlap_lines])
     captions += cell.captions if cell is not None else ()
     return RunFigures(
         run_id=run["run_id"],
@@ -107,8 +109,12 @@ def _in_view(lanes: Sequence[Lane], end_ns: int) -> tuple[int, int, tuple[str, .
     return min(near), max(near), (note,) if outside else ()
 
 
-def _lanes(intervals: pl.DataFrame, events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Lane]:
-    lanes = execution_lanes(intervals, pauses(events, end_ns), origin_ns) + safety_lanes(events, origin_ns, end_ns)
+def _lanes(
+    intervals: pl.DataFrame, events: pl.DataFrame, origin_ns: int, end_ns: int, tasks: Collection[str]
+) -> list[Lane]:
+    lanes = execution_lanes(intervals, pauses(events, end_ns), origin_ns, tasks) + safety_lanes(
+        events, origin_ns, end_ns
+    )
     return sorted(lanes, key=lambda lane: (lane.agent, _KINDS[lane.kind], lane.number))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final, NamedTuple
@@ -13,7 +13,7 @@ import polars as pl
 from hrclog.analyzers.busy import BusyTime
 from hrclog.analyzers.figures.arrays import FloatArray, IntArray
 from hrclog.analyzers.figures.text import shorten
-from hrclog.analyzers.figures.thinning import worth_drawing
+from hrclog.analyzers.figures.thinning import extremes, worth_drawing
 from hrclog.analyzers.metrics import MINIMUM_DISTANCE
 
 MAX_SERIES: Final = 24
@@ -23,14 +23,21 @@ SPEED_GROUP: Final = "speed scale"
 DISTANCE_GROUP: Final = "minimum distance (m)"
 OVERLAP_GROUP: Final = "overlap so far (s)"
 
+BEYOND: Final = 1e12
+"""Values of this size or more stand for something else, such as "no distance known", and are not drawn."""
+
 _JOINT_PERIOD_NS: Final = 100_000_000
+_AS_SIGNAL: Final = ", as a signal"
+_EQUAL: Final = 0.02  # by which speed scales may differ that tell the same
+_LATE_NS: Final = 200_000_000  # by which one of them may tell of a change later than the other
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
     """Values over ns since the first event, shapes (n,); `step` holds a value until the next, else lines join them.
 
-    `joint` marks what is seen in three dimensions too.
+    `joint` marks what is seen in three dimensions too, `thinned` what is drawn by its lowest and highest values only;
+    `notes` say what is not drawn.
     """
 
     group: str
@@ -39,6 +46,8 @@ class Series:
     values: FloatArray
     step: bool = False
     joint: bool = False
+    thinned: bool = False
+    notes: tuple[str, ...] = ()
 
 
 def speed_scales(events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Series]:
@@ -85,27 +94,57 @@ def signal_series(
         max_series: how many are drawn, joints last.
         max_samples: how many samples of each.
     """
-    captions = []
-    thinned = 0
     names = signals["name"].unique(maintain_order=True).sort().to_list()
     places = {name: _place(name, bodies) for name in names}
     drawn = sorted(names, key=lambda name: places[name].joint)
-    if len(drawn) > max_series:
-        captions.append(f"The first {max_series} of {len(drawn)} signals are drawn.")
-    found: list[Series] = []
-    for name in drawn[:max_series]:
-        own = signals.filter(pl.col("name") == name).sort("time_ns", maintain_order=True)
-        place = places[name]
-        if place.joint:
-            own = own[worth_drawing(own["time_ns"].to_numpy(), own.select("value").to_numpy(), _JOINT_PERIOD_NS)]
-        every = -(-own.height // max_samples)
-        thinned += every > 1
-        own = own.gather_every(every)
-        times, values = own["time_ns"].to_numpy() - origin_ns, own["value"].to_numpy()
-        found.append(Series(place.group, place.label, times, values, place.step, place.joint))
+    captions = [f"The first {max_series} of {len(drawn)} signals are drawn."] if len(drawn) > max_series else []
+    found = [
+        _signal(signals.filter(pl.col("name") == name), name, places[name], origin_ns, max_samples)
+        for name in drawn[:max_series]
+    ]
+    return found, [*captions, *notes(found)]
+
+
+def notes(series: Iterable[Series]) -> tuple[str, ...]:
+    """Return what of the series is not drawn."""
+    found = list(series)
+    said = [note for one in found for note in one.notes]
+    thinned = sum(one.thinned for one in found)
     if thinned:
-        captions.append(f"{thinned} signals are thinned to at most {max_samples:,} samples each.")
-    return found, captions
+        many = "signals are thinned to their" if thinned > 1 else "signal is thinned to its"
+        said.append(f"{thinned} {many} lowest and highest values.")
+    return tuple(said)
+
+
+def limits(series: Sequence[Series]) -> tuple[float, float]:
+    """Return the lowest and the highest value to show: of what is held 0 and 1 while it stays between them, or 0."""
+    values = np.concatenate([np.empty(0), *(one.values[np.isfinite(one.values)] for one in series)])
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    if all(one.step for one in series):
+        low, high = min(low, 0.0), 1.0 if low >= 0 and high <= 1 else max(high, 0.0)
+    elif low < high / 2:
+        low = min(low, 0.0)
+    return (low, high) if low != high else (min(low, 0.0), max(high, 0.0) or 1.0)
+
+
+def without_echoes(series: Iterable[Series]) -> list[Series]:
+    """Leave out the speed scales that were logged as signals too, where these tell what the events tell."""
+    found = list(series)
+    told = {one.name: one for one in found if one.group == SPEED_GROUP}
+    return [one for one in found if not (one.group == SPEED_GROUP and _is_echo(one, told))]
+
+
+def _is_echo(signal: Series, told: dict[str, Series]) -> bool:
+    events = told.get(signal.name.removesuffix(_AS_SIGNAL))
+    if events is None or events is signal:
+        return False
+    # an agent has its full speed before its first event
+    held = np.append(1.0, events.values)[np.searchsorted(events.times_ns, signal.times_ns, "right")]
+    changes = events.times_ns[np.diff(events.values, prepend=1.0) != 0]
+    before = np.searchsorted(changes, signal.times_ns, "right")
+    since = signal.times_ns - np.append(np.iinfo(np.int64).min // 2, changes)[before]
+    compared = (since >= _LATE_NS) & np.isfinite(signal.values)
+    return bool(compared.any() and (np.abs(signal.values - held)[compared] <= _EQUAL).all())
 
 
 class _Place(NamedTuple):
@@ -122,10 +161,37 @@ def _place(name: str, bodies: Collection[str]) -> _Place:
     if last == MINIMUM_DISTANCE:
         return _Place(DISTANCE_GROUP, agent or "human and robot")
     if last == "speed_scale":
-        return _Place(SPEED_GROUP, f"{agent or 'signal'}, as a signal", step=True)
+        return _Place(SPEED_GROUP, f"{agent or 'signal'}{_AS_SIGNAL}", step=True)
     if agent in bodies:
         return _Place(f"joints of {agent}", last, joint=True)
     return _Place(agent or "signals", name)
+
+
+def _signal(own: pl.DataFrame, name: str, place: _Place, origin_ns: int, max_samples: int) -> Series:
+    ordered = own.sort("time_ns", maintain_order=True)
+    times, values = ordered["time_ns"].to_numpy() - origin_ns, ordered["value"].to_numpy()
+    beyond = np.abs(values) >= BEYOND
+    times, values = times[~beyond], values[~beyond]
+    if place.joint:
+        kept = worth_drawing(times, values[:, np.newaxis], _JOINT_PERIOD_NS)
+        times, values = times[kept], values[kept]
+    shown = extremes(values, max_samples)
+    return Series(
+        place.group,
+        place.label,
+        times[shown],
+        values[shown],
+        place.step,
+        place.joint,
+        thinned=len(shown) < len(values),
+        notes=_beyond(name, int(beyond.sum())),
+    )
+
+
+def _beyond(name: str, count: int) -> tuple[str, ...]:
+    what = "1 sample" if count == 1 else f"{count:,} samples"
+    verb = "is" if count == 1 else "are"
+    return (f"{what} of {shorten(name, 60)} beyond 1e12 {verb} not drawn.",) if count else ()
 
 
 def _overlap_so_far(busy: dict[str, BusyTime], one: str, other: str, origin_ns: int) -> Series:

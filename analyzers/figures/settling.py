@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
 import polars as pl
 
+from hrclog.analyzers.figures.coefficients import pair_names
 from hrclog.analyzers.figures.curves import MAX_CURVES, Curve, Knot, curves_plot
 from hrclog.analyzers.figures.heatmap import agent_pairs, axes
 from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
 from hrclog.analyzers.figures.plot import Plot, Steps
-from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
-from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.figures.synergy_heatmap import agent_names, synergy_heatmaps, with_estimator
+from hrclog.analyzers.figures.text import shorten_apart
 from hrclog.analyzers.overlaps import PAIR
 from hrclog.analyzers.synergy.pairs import OK
 
 HOW_TO_READ_CURVES: Final = (
     "Each line is a factor on the duration of the first task while the other agent does the second, as the first runs "
-    "alone tell it, in its 95 % interval. A line that has become flat within its band has settled: more runs will not "
-    "move it much."
+    "alone tell it, in its 95 % interval. A line that still moves when the last runs come in has not settled; a flat "
+    "one may still move if the work changes."
 )
 HOW_TO_READ_DURATIONS: Final = (
-    "Each line is the mean duration of a task over the first runs alone, in its 95 % interval. A line that has become "
-    "flat within its band has settled: more runs will not move it much."
+    "Each line is the mean duration of a task over the first runs alone, in its 95 % interval. A line that still "
+    "moves when the last runs come in has not settled; a flat one may still move if the work changes."
 )
 
 _MARKED: Final = "* sparse (n < 5) or weakly identified."
@@ -37,16 +39,20 @@ _SHARED: Final = (
     "Runs count in order of time, so a jump may mean that the work changed; a step holds the runs of those before it, "
     "so lines grow flatter for that reason too."
 )
-_TASK: Final = 17  # characters of a name at the end of a line
+_INDEPENDENT: Final = (
+    "The intervals of means take executions as independent, which those of one run or session need not be."
+)
+_NAME: Final = 34  # characters of the tasks at the end of a line
 
 
-def settling_heatmaps(settling: pl.DataFrame) -> list[Steps]:
+def settling_heatmaps(settling: pl.DataFrame, *, note: str = "") -> list[Steps]:
     """Return the matrix of each ordered pair of agents as it was after growing numbers of runs; none of a single step.
 
     All steps have the rows, columns, colours and notes of the last.
 
     Args:
         settling: a frame of schema `SETTLING`.
+        note: what else there is to say of each.
     """
     numbers = settling["runs"].unique().sort().to_list()
     if len(numbers) < 2:
@@ -56,7 +62,10 @@ def settling_heatmaps(settling: pl.DataFrame) -> list[Steps]:
     # tasks of too large a matrix are chosen by their overlap in all runs
     overlap = last.select(*PAIR, "overlap_s")
     limits = {heatmap.agents: heatmap.limit for heatmap in synergy_heatmaps(last)}
-    captions = {agents: (*_CAPTIONS, *axes(cells, "overlap_s", agents).captions) for agents, cells in agent_pairs(last)}
+    captions = {
+        agents: (*_CAPTIONS, *axes(cells, "overlap_s", agents).captions, *filter(None, [note]))
+        for agents, cells in agent_pairs(last)
+    }
     titles = {heatmap.agents: f"{heatmap.title}, run by run" for heatmap in synergy_heatmaps(last)}
     plots: dict[tuple[str, str], list[Plot]] = {}
     for number in numbers:
@@ -69,7 +78,7 @@ def settling_heatmaps(settling: pl.DataFrame) -> list[Steps]:
     return [Steps(titles[agents], tuple(numbers), tuple(plots[agents])) for agents in plots]
 
 
-def settling_curves(settling: pl.DataFrame) -> list[Plot]:
+def settling_curves(settling: pl.DataFrame, *, note: str = "") -> list[Plot]:
     """Return per ordered pair of agents how the factors came to be what they are; none of a single step.
 
     Drawn are the pairs of tasks whose last factor is surest to differ from 1: those of the largest |log synergy| over
@@ -77,10 +86,12 @@ def settling_curves(settling: pl.DataFrame) -> list[Plot]:
 
     Args:
         settling: a frame of schema `SETTLING`.
+        note: what else there is to say of each.
     """
     if settling["runs"].n_unique() < 2:
         return []
-    plots = (_synergy_plot(agents, cells) for agents, cells in agent_pairs(settling))
+    called = agent_names(settling)
+    plots = (_synergy_plot(agents, cells, called, note) for agents, cells in agent_pairs(settling))
     return [plot for plot in plots if plot]
 
 
@@ -96,11 +107,12 @@ def duration_curves(settling: pl.DataFrame) -> list[Plot]:
     if settling["runs"].n_unique() < 2:
         return []
     parts = settling.partition_by("agent", as_dict=True)
-    plots = (_duration_plot(str(agent), parts[agent,]) for (agent,) in sorted(parts))
+    called = shorten_apart(settling["agent"].unique(), 40)
+    plots = (_duration_plot(str(agent), parts[agent,], called) for (agent,) in sorted(parts))
     return [plot for plot in plots if plot]
 
 
-def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame) -> Plot | None:
+def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[str, str], note: str) -> Plot | None:
     last = cells.filter(pl.col("runs") == cells["runs"].max())
     value, error = pl.col("synergy"), pl.col("std_err")
     sure = (value.log().abs() * value / error).fill_nan(None)
@@ -108,12 +120,16 @@ def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame) -> Plot | None:
     drawn = known.head(MAX_CURVES)
     if drawn.is_empty():
         return None
+    names = pair_names(last.select("task", "other_task").rows(), _NAME)
     curves = [
-        Curve(_pair_name(task, other, status), _knots(cells, {"task": task, "other_task": other}, _FACTOR))
+        Curve(
+            names[task, other] + ("" if status == OK else "*"),
+            _knots(cells, {"task": task, "other_task": other}, _FACTOR),
+        )
         for task, other, status in drawn.select("task", "other_task", "status").iter_rows()
     ]
     unknown = last.height - known.height
-    notes = [_SHARED]
+    notes = [_SHARED, *filter(None, [note])]
     if any(status != OK for status in drawn["status"]):
         notes.insert(0, _MARKED)
     if unknown:
@@ -121,11 +137,10 @@ def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame) -> Plot | None:
     if known.height > drawn.height:
         few = f"{drawn.height} of {known.height:,} factors are drawn"
         notes.insert(0, f"{few}, those that are surest to differ from 1; {known.height - drawn.height:,} are not.")
-    agent, other = (shorten(name, 28) for name in agents)
-    estimator = ", ".join(sorted(set(last["estimator"].to_list()) - {""}))
+    agent, other = (called[name] for name in agents)
     return curves_plot(
         ("settling", "curves", *agents),
-        f"How synergies settle: {agent} while {other} works ({estimator})",
+        with_estimator(f"How synergies settle: {agent} while {other} works", last),
         HOW_TO_READ_CURVES,
         curves,
         cells["runs"].unique().sort().to_list(),
@@ -135,23 +150,24 @@ def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame) -> Plot | None:
     )
 
 
-def _duration_plot(agent: str, tasks: pl.DataFrame) -> Plot | None:
+def _duration_plot(agent: str, tasks: pl.DataFrame, called: Mapping[str, str]) -> Plot | None:
     last = tasks.filter(pl.col("runs") == tasks["runs"].max())
     width = (pl.col("mean_high_s") - pl.col("mean_low_s")) / pl.col("mean_s")
     known = last.filter(pl.col("mean_s") > 0).sort(width, "task", descending=[True, False], nulls_last=True)
     drawn = known["task"].head(MAX_CURVES).to_list()
     if not drawn:
         return None
-    curves = [Curve(shorten(task, 2 * _TASK), _knots(tasks, {"task": task}, _SECONDS)) for task in drawn]
+    names = shorten_apart(last["task"], _NAME)
+    curves = [Curve(names[task], _knots(tasks, {"task": task}, _SECONDS)) for task in drawn]
     unknown = last.height - known.height
-    notes = [_SHARED]
+    notes = [_SHARED, _INDEPENDENT]
     if unknown:
         notes.insert(0, f"Tasks that never succeeded: {unknown:,}.")
     if known.height > len(drawn):
         notes.insert(0, f"{len(drawn)} of {known.height:,} tasks are drawn, those whose mean is least sure.")
     return curves_plot(
         ("settling", "durations", agent),
-        f"How mean durations settle: {shorten(agent, 40)}",
+        f"How mean durations settle: {called[agent]}",
         HOW_TO_READ_DURATIONS,
         curves,
         tasks["runs"].unique().sort().to_list(),
@@ -179,7 +195,3 @@ def _knot(name: str, unit: str, runs: int, *numbers: Any) -> Knot | None:  # noq
         return None
     interval = f" (95 % {low:,.3f} to {high:,.3f})" if low is not None and high is not None else ""
     return Knot(runs, value, low, high, f"{name}, after {runs:,} runs: {value:,.3f}{unit}{interval}, n = {n:,}")
-
-
-def _pair_name(task: str, other: str, status: str) -> str:
-    return f"{shorten(task, _TASK)} | {shorten(other, _TASK)}{'' if status == OK else '*'}"

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 import polars as pl
 
 from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix, on_one_scale
-from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.figures.text import shorten_apart
 
 HOW_TO_READ: Final = (
-    "Factor on the duration of the row's task while the column's task runs: above 1 (orange) it takes longer, below 1 "
-    "(blue) less. Below it the 95 % interval; n counts pairs of executions that overlapped."
+    "Factor on the duration of the row's task while the column's task runs (orange: longer, blue: shorter), relative "
+    "to the task's mean over all its executions, good and bad company mixed: where others slow the task down, "
+    "undisturbed pairs lie below 1. Under each factor stand its 95 % interval and n, which counts pairs of successful "
+    "executions that overlapped."
 )
+
+AGENT: Final = 28
+"""Characters of an agent in titles."""
 
 
 def synergy_heatmaps(synergies: pl.DataFrame) -> list[Heatmap]:
@@ -22,24 +28,39 @@ def synergy_heatmaps(synergies: pl.DataFrame) -> list[Heatmap]:
     Args:
         synergies: a frame of schema `SYNERGIES`.
     """
-    return on_one_scale([_pair(agents, cells) for agents, cells in agent_pairs(synergies)])
+    called = agent_names(synergies)
+    return on_one_scale([_pair(agents, cells, called) for agents, cells in agent_pairs(synergies)])
 
 
-def _pair(agents: tuple[str, str], cells: pl.DataFrame) -> Heatmap:
-    agent, other = (shorten(name, 28) for name in agents)
+def agent_names(pairs: pl.DataFrame) -> dict[str, str]:
+    """Return what titles call the agents: those of all pairs, as pictures of several pairs stand side by side.
+
+    Args:
+        pairs: columns agent and other_agent.
+    """
+    return shorten_apart((*pairs["agent"].unique(), *pairs["other_agent"].unique()), AGENT)
+
+
+def with_estimator(title: str, cells: pl.DataFrame) -> str:
+    """Return the title, and in brackets what estimated the cells."""
+    estimators = ", ".join(sorted(set(cells["estimator"].to_list()) - {""}))
+    return f"{title} ({estimators})" if estimators else title
+
+
+def _pair(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[str, str]) -> Heatmap:
+    agent, other = (called[name] for name in agents)
     drawn = axes(cells, "overlap_s", agents)
     cells = cells.with_columns(
         pl.col("status").is_in(("sparse", "weakly_identified")).cast(pl.Float64).alias("doubtful"),
     )
     values = matrix(cells, "synergy", drawn)
     doubtful = np.nan_to_num(matrix(cells, "doubtful", drawn)) > 0
-    estimator = ", ".join(sorted(set(cells["estimator"].to_list()) - {""}))
     marked = "* sparse (n < 5) or weakly identified." if doubtful.any() else ""
     unseen = int(np.isnan(values).sum())
     grey = f"Grey, n/a: never observed together, or not told by the data ({unseen:,})." if unseen else ""
     return Heatmap(
         agents=agents,
-        title=f"Synergy: {agent} while {other} works" + (f" ({estimator})" if estimator else ""),
+        title=with_estimator(f"Synergy: {agent} while {other} works", cells),
         reading=HOW_TO_READ,
         unit="factor on the duration",
         row_title=f"task of {agent}",

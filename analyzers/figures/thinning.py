@@ -1,4 +1,4 @@
-"""Fewer samples of what moves: as many as an eye can follow, and none while it stands still."""
+"""Fewer samples: of what moves as many as an eye can follow; of any line those that give it its shape."""
 
 from __future__ import annotations
 
@@ -34,3 +34,27 @@ def worth_drawing(times_ns: IntArray, values: FloatArray, period_ns: int = PERIO
     moving[1:] |= gap
     moving[-1] = True
     return np.flatnonzero(moving | ends)
+
+
+def extremes(values: FloatArray, most: int) -> IntArray:
+    """Return the indices of at most `most` samples, so that no spike is lost.
+
+    Kept are all where there are no more; else the first, the lowest and the highest of each of equal runs of samples,
+    and the last of all.
+
+    Args:
+        values: shape (n,); what is not a number is neither low nor high.
+        most: at least 4.
+    """
+    if len(values) <= most:
+        return np.arange(len(values))
+    starts = np.linspace(0, len(values), (most - 1) // 3, endpoint=False).astype(np.int64)
+    kept = [starts, _first_equal(values, starts, np.fmin), _first_equal(values, starts, np.fmax)]
+    return np.unique(np.append(np.concatenate(kept), len(values) - 1))
+
+
+def _first_equal(values: FloatArray, starts: IntArray, extreme: np.ufunc) -> IntArray:
+    """Return where each run of samples, of those that have any number, first takes its extreme value."""
+    runs = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(values)))
+    equal = np.flatnonzero(values == extreme.reduceat(values, starts)[runs])
+    return equal[np.unique(runs[equal], return_index=True)[1]]

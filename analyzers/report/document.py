@@ -15,7 +15,8 @@ from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.run_plots import run_plots
 from hrclog.analyzers.figures.table import DataTable, number
 from hrclog.analyzers.figures.text import printable, shorten
-from hrclog.analyzers.report.findings import Finding, findings
+from hrclog.analyzers.report.finding import Finding
+from hrclog.analyzers.report.findings import findings
 from hrclog.analyzers.report.methods import Remark, definitions, provenance, remarks
 from hrclog.analyzers.report.sample import Chosen, choose_runs, sample_sentence
 from hrclog.analyzers.report.tables import PageTable, page_table
@@ -97,8 +98,9 @@ def report(analysis: Analysis, *, runs: int = DEFAULT_RUNS, title: str = "", com
         command: how it was asked for; "" leaves that out.
 
     Raises:
-        HrclogError: no agent did anything.
+        HrclogError: no agent did anything, or an argument is not what it should be.
     """
+    _check_arguments(runs, title)
     _check_executions(analysis)
     numbers = count(1)
     figures = analysis.campaign_figures()
@@ -121,6 +123,13 @@ def report(analysis: Analysis, *, runs: int = DEFAULT_RUNS, title: str = "", com
         provenance=provenance(analysis, command),
         remarks=remarks(analysis),
     )
+
+
+def _check_arguments(runs: object, title: object) -> None:
+    if not isinstance(runs, int) or runs < 0:
+        raise HrclogError(f"runs is {runs!r}, expected how many single runs to show, 0 or more")
+    if not isinstance(title, str):
+        raise HrclogError(f"title is {title!r}, expected a text")
 
 
 def _check_executions(analysis: Analysis) -> None:

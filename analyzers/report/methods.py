@@ -47,8 +47,14 @@ _OUTLIERS: Final = {
 }
 _SYNERGY: Final = (
     "The factor on a task's mean duration while another agent's task runs all the time: above 1 is slower. The mean is "
-    "over all executions that succeeded, slow-downs included; synergy_free is relative to undisturbed work instead, "
-    "where there was enough of it."
+    "over all executions that succeeded, slow-downs included, so that of a task that others slow down an undisturbed "
+    "pair lies below 1. synergy_free is relative to undisturbed work instead, where there was enough of it; the "
+    "findings take it where it is known, and name no speed-ups relative to a mean."
+)
+_HOLM: Final = (
+    "What remains after allowing for all comparisons is told by Holm's method at 5 %, with each interval taken as that "
+    "of a normal log factor (of a normal factor where an end is not above 0); comparisons are not independent, and the "
+    "method holds anyway."
 )
 _OVERLAP: Final = (
     "Executions occupy [start, end); two of different agents in one run overlap by max(0, min(ends) - max(starts)). n "
@@ -88,7 +94,7 @@ def _intervals(draws: int) -> str:
     source = f"{draws:,} draws of whole runs with repetition" if draws else "the estimator's own errors"
     chance = "Of intervals about no effect, one in twenty excludes 1 by chance."
     meant = f"They are to hold the true factor 95 % of the time, and come from {source}."
-    return f"{meant} {chance} Those of success rates are Wilson's."
+    return f"{meant} {chance} {_HOLM} Those of success rates are Wilson's."
 
 
 def _success(estimator: str) -> str:

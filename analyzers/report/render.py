@@ -21,6 +21,7 @@ from hrclog.analyzers.report.document import Figure, Report
 _HERE: Final = Path(__file__).parent
 _WIDTH: Final = re.compile(r"<svg[^>]*?\swidth=\"([0-9.]+)(pt|px)?\"")
 _VIEW_BOX: Final = re.compile(r"<svg[^>]*?\sviewBox=\"\S+ \S+ ([0-9.]+) ")
+_PART: Final = re.compile(r"""(?:\bid="|href="#|url\(#)(?=p[0-9a-f]{10}-\d+["')])""")
 _BREAK: Final = re.compile(r"(?<=_)(?=[^_]{3})")
 _PX_PER_PT: Final = 96 / 72
 
@@ -78,7 +79,15 @@ def _breakable(text: str) -> Markup:
 def _drawn(draw: Callable[[Plot], str], figure: Figure) -> tuple[_Picture, ...]:
     """Return the pictures of a figure, one or its stages."""
     stages = figure.stages or ((0, figure.plot),)
-    return tuple(_picture(draw(plot), plot, number) for number, plot in stages)
+    return tuple(
+        _picture(_named_apart(draw(plot), f"f{figure.number}-{place}"), plot, number)
+        for place, (number, plot) in enumerate(stages)
+    )
+
+
+def _named_apart(svg: str, prefix: str) -> str:
+    """Return a picture whose parts have names of their own, though another picture on the page be the same."""
+    return _PART.sub(rf"\g<0>{prefix}-", svg)
 
 
 def _picture(svg: str, plot: Plot, number: int) -> _Picture:

@@ -36,7 +36,7 @@ def choose_runs(runs: pl.DataFrame, count: int) -> tuple[Chosen, ...]:
     # a quantile gives way to the run with most failures, unless that is one; untimed runs come where others are used up
     wanted = evenly if set(failed) <= set(evenly) else [*failed, *_evenly(timed, count - 1), *evenly]
     places = sorted(list(dict.fromkeys([*wanted, *untimed]))[: max(count, 0)])
-    whys = {place: _why(place, timed) for place in places}
+    whys = {place: _why(place, timed, [row[2] for row in rows]) for place in places}
     for place in failed:
         whys[place] = ", ".join(part for part in (whys.get(place, ""), f"most failures ({rows[place][3]})") if part)
     return tuple(Chosen(rows[place][0], rows[place][1] or rows[place][0], whys[place]) for place in places)
@@ -71,14 +71,16 @@ def _evenly(places: list[int], count: int) -> list[int]:
     return [places[(2 * index * last + gaps) // (2 * gaps)] for index in range(count)]
 
 
-def _why(place: int, timed: list[int]) -> str:
+def _why(place: int, timed: list[int], makespans: list[float | None]) -> str:
     if place not in timed:
         return "no executions"
-    rank = timed.index(place)
     if len(timed) == 1:
         return "the only one with executions"
-    if rank == 0:
-        return "shortest"
-    if rank == len(timed) - 1:
-        return "longest"
-    return f"longer than {100 * rank / (len(timed) - 1):.0f} % of the others"
+    own, known = makespans[place], [makespans[one] for one in timed]
+    if known[0] == known[-1]:
+        return "as long as all others"
+    if own == known[0]:
+        return "shortest" if known.count(own) == 1 else "among the shortest"
+    if own == known[-1]:
+        return "longest" if known.count(own) == 1 else "among the longest"
+    return f"longer than {100 * known.index(own) / (len(timed) - 1):.0f} % of the others"

@@ -33,7 +33,7 @@ def save_report(
         command: how it was asked for; "" leaves that out.
 
     Raises:
-        HrclogError: no agent did anything.
+        HrclogError: no agent did anything, or an argument is not what it should be.
         OutputError: the file cannot be written.
     """
     check_writable(Path(path).parent)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,6 +23,8 @@ _NOTHING: Final = "n/a"
 _LONGEST_WORD: Final = 40
 _LAST: Final = ("run_id", "path")
 """Columns that are looked up rather than read."""
+_FACTORS: Final = ("synergy", "synergy_free")
+_LEAST, _MOST = 1e-3, 1e6  # sizes of numbers that three decimals tell
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +64,17 @@ class PageTable:
 
 
 def page_table(table: DataTable, anchor: str) -> PageTable:
-    """Return a table for a page.
+    """Return a table for a page; rows whose factor is not known come last.
 
     Args:
         table: what it shows.
         anchor: its id in the page, and the name of its download.
     """
     frame = table.frame.select(sorted(table.frame.columns, key=lambda name: name in _LAST))
+    known = _known(frame)
+    kept = frame.filter(known).vstack(frame.filter(~known)).head(_kept(frame.height, int(known.sum())))
     columns = tuple(Column(name, dtype.is_numeric()) for name, dtype in frame.schema.items())
-    cells = [
-        tuple(_cell(value, column.numeric) for value, column in zip(row, columns, strict=True))
-        for row in frame.head(KEPT).iter_rows()
-    ]
+    cells = list(zip(*(_cells(kept[column.name], column.numeric) for column in columns), strict=True))
     return PageTable(
         anchor=anchor,
         title=table.title,
@@ -82,25 +83,53 @@ def page_table(table: DataTable, anchor: str) -> PageTable:
         columns=columns,
         rows=tuple(cells[:SHOWN]),
         more=tuple(cells[SHOWN:]),
-        notes=_notes(frame.height),
+        notes=_notes(frame.height, int(known.sum())),
         filterable=frame.height > FILTER_FROM,
     )
 
 
-def _notes(height: int) -> tuple[str, ...]:
+def _known(frame: pl.DataFrame) -> pl.Series:
+    """Return which rows have what the table is about: of factors those with a number, of others all."""
+    factors = [name for name in _FACTORS if name in frame.columns]
+    if not factors:
+        return pl.repeat(value=True, n=frame.height, eager=True)
+    return frame.select(pl.any_horizontal(pl.col(factors).is_not_null())).to_series()
+
+
+def _kept(height: int, known: int) -> int:
+    """Return how many rows a page holds: of too many none that tells nothing, but as many as are shown at once."""
+    return height if height <= KEPT else max(min(known, KEPT), SHOWN)
+
+
+def _notes(height: int, known: int) -> tuple[str, ...]:
     if height > KEPT:
-        held = f"This page holds the first {KEPT:,} of {height:,} rows and shows {SHOWN:,} of them at once"
+        numbered = f", {min(known, KEPT):,} of the {known:,} with a factor first" if known < height else ""
+        kept = _kept(height, known)
+        shown = f", and shows {SHOWN:,} of them at once" if kept > SHOWN else ""
+        held = f"This page holds the first {kept:,} of {height:,} rows{numbered}{shown}"
         return (f"{held}; hrclog export writes all.",)
     if height > SHOWN:
         return (f"{SHOWN:,} of {height:,} rows are shown at once; sorting, filtering, copying and the CSV take all.",)
     return ()
 
 
-def _cell(value: object, is_number: bool) -> Cell:  # noqa: FBT001 - the kind of the column
+def _cells(values: pl.Series, is_number: bool) -> list[Cell]:  # noqa: FBT001 - the kind of the column
+    spoken = _spoken(values) if values.dtype.is_float() else number
+    return [_cell(value, is_number, spoken) for value in values]
+
+
+def _spoken(values: pl.Series) -> Callable[[float], str]:
+    """Return how to write the numbers of a column: with equally many decimals, unless they are too far apart."""
+    sizes = [abs(value) for value in values if value and math.isfinite(value)]
+    alike = all(_LEAST <= size < _MOST for size in sizes)
+    return (lambda value: f"{value:,.3f}") if alike else number
+
+
+def _cell(value: object, is_number: bool, spoken: Callable[[float], str]) -> Cell:  # noqa: FBT001 - as above
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return Cell(_NOTHING if is_number else "", "" if is_number else None)
     if isinstance(value, float):
-        text, full = number(value), repr(value)
+        text, full = spoken(value), repr(value)
         return Cell(text, None if text == full else full)
     if isinstance(value, Sequence | pl.Series) and not isinstance(value, str):
         value = ", ".join(str(item) for item in value)

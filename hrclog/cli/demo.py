@@ -33,6 +33,7 @@ def command(output: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes 
     analysis = analyse([campaign], output, as_json=as_json)
     if not as_json:
         click.echo(f"\nThe pictures: {output / 'analysis.rrd'} (all runs) and {output / 'runs'} (one each)")
+        click.echo(f"One file to mail: hrclog report {campaign} -o report.html")
         click.echo(f"The samples: {campaign.parent}")
         click.echo("Your own runs: hrclog record, hrclog import or hrclog sim, then hrclog analyze LOG...")
     return tell(analysis.diagnostics)

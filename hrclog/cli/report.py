@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -20,13 +20,15 @@ from hrclog.cli.common import (
     print_json,
     tell,
 )
+from hrclog.errors import HrclogError
 
 if TYPE_CHECKING:
     from hrclog.analyzers.analysis import Analysis
     from hrclog.analyzers.report.document import Report
     from hrclog.analyzers.report.save import PictureKind
 
-_MOST_LOGS_NAMED: Final = 3
+_MOST_LOGS_NAMED: Final = 5
+_BAG_PARTS: Final = (".yaml", ".db3", ".mcap")
 _PICTURES: Final[tuple[PictureKind, ...]] = ("png", "svg")
 
 
@@ -85,6 +87,7 @@ def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its opti
       hrclog report runs/*.mcap -o report.html --pdf figures.pdf
     """  # noqa: D301 - click's \b keeps the line breaks
     _check_folders(options)
+    _check_logs_stay(options)
     analysis = _analysis(options)
     code = tell(analysis.diagnostics)
     from hrclog.analyzers.report.document import report
@@ -111,6 +114,31 @@ def _check_folders(options: Mapping[str, Any]) -> None:
             check_writable(folder)
 
 
+def _check_logs_stay(options: Mapping[str, Any]) -> None:
+    """Raise before anything is written over a log, by its name or through a link."""
+    from hrclog.log.discover import find_logs
+
+    logs = {_file(part) for log in find_logs(options["logs"]) for part in (log, *_parts_of_bag(log))} - {None}
+    targets = [(f"--{kind}", options[kind]) for kind in ("output", "pdf") if options[kind]]
+    targets += [(f"--{kind}", path) for kind in _PICTURES if options[kind] for path in options[kind].glob(f"*.{kind}")]
+    for option, path in targets:
+        if _file(path) in logs:
+            raise HrclogError(f"{path}: is one of the logs to read, so nothing was written; choose another {option}")
+
+
+def _file(path: Path) -> tuple[int, int] | None:
+    """Return which file a path leads to, through links too; None if to none."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):  # ValueError: a name that no file can have
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _parts_of_bag(log: Path) -> Iterable[Path]:
+    return (part for part in log.iterdir() if part.suffix in _BAG_PARTS) if log.is_dir() else ()
+
+
 def _analysis(options: Mapping[str, Any]) -> Analysis:
     from hrclog.analyzers.analysis import analyze
 
@@ -132,18 +160,20 @@ def _analysis(options: Mapping[str, Any]) -> Analysis:
 
 def _command(options: Mapping[str, Any]) -> str:
     """Return the command without what changes nothing in the report, so that the same runs give the same bytes."""
-    logs = options["logs"]
-    rest = len(logs) - _MOST_LOGS_NAMED
     usual = {parameter.name: parameter.default for parameter in command.params}
     kept = ("estimator", "outliers", *(("bootstrap", "seed") if options["bootstrap"] else ()), "runs", "title")
     return " ".join(
         [
             "hrclog report",
-            shlex.join(logs[:_MOST_LOGS_NAMED]),
-            *([f"... ({rest:,} more)"] if rest > 0 else []),
+            _named(options["logs"]),
             *(f"--{name} {shlex.quote(str(options[name]))}" for name in kept if options[name] != usual[name]),
         ]
     )
+
+
+def _named(logs: Sequence[str]) -> str:
+    """Return the logs by name, or how many there are; their order changes nothing."""
+    return shlex.join(sorted(logs)) if len(logs) <= _MOST_LOGS_NAMED else f"<{len(logs):,} logs>"
 
 
 def _write(said: Report, options: Mapping[str, Any]) -> dict[str, list[Path]]:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from hrclog.cli.common import number, printable, table
 
 if TYPE_CHECKING:
+    import polars as pl
+
     from hrclog.analyzers.analysis import Analysis
 
 _MOST_ROWS = 40
@@ -30,7 +32,19 @@ def _headline(analysis: Analysis) -> str:
     runs = analysis.runs
     agents = ", ".join(runs["agents"].explode(empty_as_null=False).unique().sort()) or "none"
     text = f"{runs.height} runs, {runs['n_executions'].sum()} executions, agents: {printable(agents)}"
-    return f"{text}\n{makespan(runs['makespan_s'].drop_nulls().to_list())}".rstrip()
+    return f"{text}\n{_makespan(runs)}".rstrip()
+
+
+def _makespan(runs: pl.DataFrame) -> str:
+    """Return what the makespans were of those runs that nothing cut short, and how many those are."""
+    from hrclog.analyzers.figures.makespans import complete_runs
+
+    seconds = complete_runs(runs)["makespan_s"].to_list()
+    timed = runs["makespan_s"].drop_nulls().len()
+    if timed and not seconds:
+        return f"makespan not known: {'the run did not end well' if timed == 1 else f'none of {timed} runs ended well'}"
+    some = f" ({len(seconds)} of {runs.height} runs, those that ended well)" if len(seconds) < runs.height else ""
+    return makespan(seconds) + (some if seconds else "")
 
 
 def makespan(seconds: list[float]) -> str:

@@ -20,6 +20,7 @@ from PIL import Image
 
 from hrclog.analyzers import drawing
 from hrclog.analyzers.drawing import shapes as drawing_shapes
+from hrclog.analyzers.drawing.fonts import fitted_all, text_width
 from hrclog.analyzers.drawing.layout import Layout, lay_out
 from hrclog.analyzers.drawing.marks import Pen
 from hrclog.analyzers.drawing.scale import Scale
@@ -162,6 +163,21 @@ def test_names_that_are_shortened_are_told_apart_and_said_in_full() -> None:
     ]
     assert len({label.text for label in labels if label.full in LONG}) == len(LONG)
     assert LONG[7] in [title.text for title in parsed(drawing.svg(matrix(LONG))).iter() if title.text]
+
+
+@pytest.mark.parametrize("size", [9.0, 13.0])
+def test_names_that_differ_where_all_are_cut_are_told_apart(size: float) -> None:
+    names = [f"{'the_first_robot_' * 4}{number}{'_of_the_left_feeder' * 4}" for number in range(30)]
+    shown = fitted_all([*names, names[0], "short"], size, 240)
+    assert len(set(shown)) == len(names) + 1
+    assert shown[0] == shown[-2]
+    assert shown[-1] == "short"
+    assert all(text_width(text, size) <= 240 for text in shown)
+
+
+def test_names_are_drawn_within_a_room_too_narrow_to_tell_them_apart() -> None:
+    shown = fitted_all(["a" * 30, "a" * 31], 13, 30)
+    assert all(text_width(text, 13) <= 30 for text in shown)
 
 
 def test_names_that_do_not_fit_are_counted() -> None:

@@ -25,7 +25,7 @@ from hrclog.analyzers.figures.heatmap import MAX_SIDE
 from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
 from hrclog.analyzers.figures.lanes import lane_numbers
 from hrclog.analyzers.figures.overlap_matrix import overlap_matrices
-from hrclog.analyzers.figures.palette import FAILED, PAUSED, TASKS, diverging, task_colors
+from hrclog.analyzers.figures.palette import FAILED, FULL_SPEED, PAUSED, REDUCED, TASKS, diverging, task_colors
 from hrclog.analyzers.figures.run_plots import run_plots
 from hrclog.analyzers.figures.series import overlaps_so_far, signal_series, speed_scales
 from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
@@ -317,20 +317,26 @@ def test_coefficients_leave_out_the_unobserved_and_sort_by_size() -> None:
 
 
 def test_intervals_that_leave_the_axis_are_clipped_and_said() -> None:
-    frame_ = synergies(2).with_columns(pl.lit(99.0).alias("ci_high"))
+    frame_ = synergies(2).with_columns(pl.lit(999.0).alias("ci_high"))
     plot = coefficients_plot(synergy_coefficients(frame_)[0], ("coefficients", "A", "B"))
     assert all(plot.x.low <= x <= plot.x.high for stroke in plot.strokes for x, _ in stroke.points)
-    assert plot.x.high < 10
+    assert plot.x.high < 110
+    assert [text.text for text in plot.texts] == ["▸"] * 3
     assert "3 intervals reach beyond the axis; the table has the ends." in plot.notes
     narrow = coefficients_plot(synergy_coefficients(synergies(2))[0], ("coefficients", "A", "B"))
     assert not any("beyond" in note for note in narrow.notes)
+    assert narrow.texts == ()
 
 
 def test_a_coefficient_shows_its_standard_error_within_its_interval() -> None:
     frame_ = synergies(2).with_columns(pl.lit(0.05).alias("std_err"))
     plot = coefficients_plot(synergy_coefficients(frame_)[0], ("coefficients", "A", "B"))
     thick = [stroke for stroke in plot.strokes if stroke.width > 4]
-    assert [round(stroke.points[1][0] - stroke.points[0][0], 9) for stroke in thick] == [0.1] * 3
+    values = [dot.at[0] for dot in plot.dots]
+    for stroke, value in zip(thick, values, strict=True):  # as far in ratio either way, as the axis is
+        low, high = (x for x, _ in stroke.points)
+        assert low * high == pytest.approx(value**2)
+        assert high / value == pytest.approx(np.exp(0.05 / value))
     assert "+- 0.050 (95 %" in plot.dots[0].label
     hollow = [dot for dot in plot.dots if dot.paint == "card"]
     assert [dot.label.rpartition(", ")[2] for dot in hollow] == ["sparse"]
@@ -398,16 +404,51 @@ def test_the_white_circle_of_a_box_is_its_mean() -> None:
     assert [name for _, name in drawn.y.ticks] == ["pick (3)"]
 
 
-def test_a_timeline_draws_every_bar_that_has_a_length() -> None:
+def test_a_timeline_draws_every_bar_and_names_it_as_far_as_there_is_room() -> None:
     rows = frame(
         execution("H", "pick", 1, 5), execution("R", "weld", 2, 2), execution("R", "weld", 3, 9, outcome="failed")
     )
     figures = run_figures(RUN, rows, events({"kind": "run_started", "time_ns": 0}), SIGNALS.to_frame())
     plot = gantt_plot(figures.gantt, ("run", "a", "timeline"))
-    assert [(rect.low[0], rect.high[0]) for rect in plot.rects] == [(1.0, 5.0), (3.0, 9.0)]
+    assert [(rect.low[0], rect.high[0]) for rect in plot.rects] == [(1.0, 5.0), (2.0, 2.0), (3.0, 9.0)]
+    assert [text.text for text in plot.texts] == ["pick", "✗ weld failed"]
     assert [key.label for key in plot.keys] == ["pick", "weld", "failed or timed out"]
-    assert plot.rects[1].label == "✗ weld failed: 3.00 to 9.00 s"
+    assert plot.rects[2].label == "✗ weld failed: 3.00 to 9.00 s"
     assert [name for _, name in plot.y.ticks] == ["H", "R"]
+
+
+def test_a_bar_without_room_for_its_name_says_its_beginning() -> None:
+    rows = frame(
+        execution("H", "a_long_name_of_a_task", 0, 5),
+        execution("H", "a_long_name_of_a_task", 6, 7, outcome="failed"),
+        execution("R", "other", 0, 100),
+    )
+    plot = gantt_plot(run_figures(RUN, rows, events(), SIGNALS.to_frame()).gantt, ("run", "a", "timeline"))
+    assert [text.text for text in plot.texts] == ["a_lo…", "✗", "other"]
+
+
+def test_a_task_has_one_colour_in_all_runs_of_a_campaign() -> None:
+    tasks = [f"t{index}" for index in range(8)]
+    one, other = (
+        run_figures(
+            RUN,
+            frame(*(execution("H", task, at, at + 1) for at, task in enumerate(own))),
+            events(),
+            SIGNALS.to_frame(),
+            tasks=tasks,
+        )
+        for own in (tasks[:5], tasks[3:])
+    )
+    assert {name: color for name, color in one.gantt.tasks if name in tasks[3:5]} == {
+        name: color for name, color in other.gantt.tasks if name in tasks[3:5]
+    }
+    assert [name for name, _ in other.gantt.tasks] == tasks[3:]
+
+
+def test_colours_of_tasks_are_none_of_those_that_mean_something() -> None:
+    meaning = np.array([FAILED, PAUSED, REDUCED, FULL_SPEED], float)
+    apart = np.abs(np.array(TASKS, float)[:, None] - meaning[None]).max(axis=2)
+    assert apart.min() > 30
 
 
 def test_the_signals_of_a_run_stand_under_the_axis_of_its_timeline() -> None:
@@ -455,8 +496,8 @@ def test_signals_are_grouped_and_what_is_left_out_is_said() -> None:
     rows = [("run", name, at, float(at)) for name in ("R/j1", "R/j2", "gap") for at in range(10)]
     signals = pl.DataFrame(rows, schema=SIGNALS, orient="row")
     lines, captions = signal_series(signals, 0, max_series=2, max_samples=5)
-    assert [(line.group, line.name, len(line.values)) for line in lines] == [("R", "R/j1", 5), ("R", "R/j2", 5)]
-    assert captions == ["The first 2 of 3 signals are drawn.", "2 signals are thinned to at most 5 samples each."]
+    assert [(line.group, line.name, len(line.values)) for line in lines] == [("R", "R/j1", 2), ("R", "R/j2", 2)]
+    assert captions == ["The first 2 of 3 signals are drawn.", "2 signals are thinned to their lowest and highest values."]
 
 
 def test_the_log_says_who_did_what_and_stops_aloud() -> None:

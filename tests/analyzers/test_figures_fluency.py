@@ -71,6 +71,35 @@ def test_every_documented_metric_is_drawn_but_the_makespan_and_the_critical_path
     assert documented == {metric for metric, _ in EVERY_METRIC} | {"makespan_s", "critical_path_s"}
 
 
+def test_distances_of_agents_are_named_by_them() -> None:
+    keys = [(metric, key) for metric in ("min_distance_m", "min_distance_p5_m") for key in ("", "left", "right")]
+    assert names(by_unit(table(*(("a", *key, 0.5) for key in keys)))["distance"]) == [
+        *("smallest distance (1)", "smallest distance: left (1)", "smallest distance: right (1)"),
+        "5th percentile of the distance (1)",
+        *("5th percentile of the distance: left (1)", "5th percentile of the distance: right (1)"),
+    ]
+
+
+def test_agents_with_long_names_are_told_apart() -> None:
+    north, south = (f"robot_arm_station_{side}_side_01_left_gripper_a" for side in ("north", "south"))
+    keys = [("idle", north), ("idle", south), ("concurrent_activity", f"{north}|{south}")]
+    keys += [("functional_delay", f"{north}>{south}"), ("functional_delay", f"{south}>{north}")]
+    found = names(by_unit(table(*(("a", *key, 0.5) for key in keys)))["share"])
+    called = {side: next(name for name in found if side in name).removeprefix("idle: ") for side in ("north", "south")}
+    assert len(set(found)) == len(keys)
+    assert found[3] == f"delay: {called['south'].removesuffix(' (1)')} after {called['north']}"
+
+
+def test_only_what_is_drawn_is_explained() -> None:
+    late = by_unit(table(("a", "start_lateness_mean_s", "H", 1.0), ("a", "safety_stop_s", "H", math.nan)))["seconds"]
+    assert "lateness" in late.reading
+    assert "afety stop" not in late.reading
+    stops = by_unit(table(("a", "safety_stop_s", "R", 1.0), ("a", "safety_stop_longest_s", "R", 1.0)))["seconds"]
+    assert stops.reading.count("Safety stop:") == 1
+    assert "lateness" not in stops.reading
+    assert "Idle" not in by_unit(table(("a", "functional_delay", "H>R", 1.0)))["share"].reading
+
+
 def test_what_was_not_logged_has_no_plot() -> None:
     executions = frame([*seconds("H", (0, 5), (7, 2)), *seconds("R", (2, 4))])
     assert list(by_unit(metrics(executions))) == ["share"]

@@ -208,6 +208,48 @@ def test_the_order_of_rows_does_not_matter() -> None:
     assert duration_curves(mixed_means) == duration_curves(means)
 
 
+def test_ends_of_lines_are_named_apart() -> None:
+    known = (1.5, 1.2, 1.8)
+    tasks = [f"place_the_large_box_number_{number}_on_the_table_of_the_robot" for number in range(4)]
+    factors: dict[str, Factor] = dict.fromkeys(tasks, known)
+    found = settling((1, factors), (2, factors))
+    plot = one_plot(settling_curves(found.with_columns(other_task=pl.lit("screw_the_lid_on_with_the_long_driver"))))
+    assert len({text.text for text in plot.texts}) == 4
+    assert all(" | screw_the" in text.text for text in plot.texts)
+    rows = [(runs, "H", task, 5, 4.0, 3.0, 5.0) for runs in (1, 2) for task in tasks]
+    means = one_plot(duration_curves(pl.DataFrame(rows, schema=SETTLING_DURATIONS, orient="row")))
+    assert len({text.text for text in means.texts}) == 4
+
+
+def test_titles_tell_agents_apart() -> None:
+    known = (1.5, 1.2, 1.8)
+    found = settling((1, {"a": known}), (2, {"a": known}))
+    arms = [f"robot_arm_station_{side}_side_01_left_gripper_a" for side in ("north", "south")]
+    both = pl.concat(found.with_columns(other_agent=pl.lit(arm)) for arm in arms)
+    assert len({plot.title for plot in settling_curves(both)}) == 2
+    assert len({step.title for step in settling_heatmaps(both)}) == 2
+    rows = [(runs, arm, "a", 5, 4.0, 3.0, 5.0) for runs in (1, 2) for arm in arms]
+    assert (
+        len({plot.title for plot in duration_curves(pl.DataFrame(rows, schema=SETTLING_DURATIONS, orient="row"))}) == 2
+    )
+
+
+def test_a_flat_line_is_not_said_to_be_settled() -> None:
+    found, means = random_settling()
+    for plot in (*settling_curves(found), *duration_curves(means)):
+        assert "a flat one may still move if the work changes" in plot.reading
+    assert all(any("executions as independent" in note for note in plot.notes) for plot in duration_curves(means))
+
+
+def test_a_note_stands_under_each_picture_of_factors() -> None:
+    found, _ = random_settling()
+    note = "Intervals here are the estimator's own."
+    plots = [*settling_curves(found, note=note), *(p for s in settling_heatmaps(found, note=note) for p in s.plots)]
+    assert plots
+    assert all(note in plot.notes for plot in plots)
+    assert all("" not in plot.notes for plot in (*settling_curves(found), *settling_heatmaps(found)[0].plots))
+
+
 def test_one_step_settles_nothing() -> None:
     found, means = random_settling(1)
     assert not settling_heatmaps(found)

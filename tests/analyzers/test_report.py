@@ -26,6 +26,7 @@ from hrclog.analyzers.analysis import Analysis, analyze, analyze_logs
 from hrclog.analyzers.figures.plot import Axis, Page, Plot, Steps
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.report import save_report
+from hrclog.analyzers.report.chance import holm, p_value
 from hrclog.analyzers.report.document import report
 from hrclog.analyzers.report.figure_files import figure_names, report_plots
 from hrclog.analyzers.report.findings import findings
@@ -160,6 +161,19 @@ def test_the_report_says_how_many_runs_of_how_many_it_shows_and_why_these() -> N
     ]
 
 
+@pytest.mark.parametrize(
+    ("makespans", "expected"),
+    [
+        ((5.0, 5.0, 5.0), ["as long as all others"] * 3),
+        ((1.0, 1.0, 2.0, 2.0), ["among the shortest"] * 2 + ["among the longest"] * 2),
+        ((1.0, 2.0, 2.0, 3.0), ["shortest", *["longer than 33 % of the others"] * 2, "longest"]),
+    ],
+)
+def test_runs_that_took_equally_long_are_spoken_of_alike(makespans: Sequence[float], expected: list[str]) -> None:
+    chosen = choose_runs(runs_frame([(f"r{place}", makespan, 0) for place, makespan in enumerate(makespans)]), 9)
+    assert [run.why for run in chosen] == expected
+
+
 def synergies(rows: Sequence[tuple[str, float | None, float | None, float | None, int, str]]) -> pl.DataFrame:
     """Return synergies as (task, synergy, low, high, n, status) of a robot beside a human."""
     empty: dict[str, Any] = dict.fromkeys(SYNERGIES)
@@ -176,43 +190,83 @@ def synergies(rows: Sequence[tuple[str, float | None, float | None, float | None
     )
 
 
-def said(table: pl.DataFrame) -> list[str]:
+FREE = ("synergy_free", "free_ci_low", "free_ci_high")
+
+
+def relative_to_undisturbed(table: pl.DataFrame) -> pl.DataFrame:
+    """Return synergies whose factors are those over undisturbed work; over the mean they say the contrary."""
+    names = ("synergy", "ci_low", "ci_high")
+    free = (pl.col(name).alias(other) for name, other in zip(names, FREE, strict=True))
+    mean = (1 / pl.col("synergy"), 1 / pl.col("ci_high"), 1 / pl.col("ci_low"))
+    return table.with_columns(*free, *(one.alias(name) for one, name in zip(mean, names, strict=True)))
+
+
+def took(least: float, mean: float, most: float) -> pl.DataFrame:
+    """Return durations of robot: pick."""
+    row = dict.fromkeys(DURATIONS, 0) | {"agent": "robot", "task": "pick", "count": 5}
+    return pl.DataFrame([row | {"min_s": least, "mean_s": mean, "max_s": most}], schema=DURATIONS)
+
+
+def said(table: pl.DataFrame, durations: pl.DataFrame | None = None, estimator: str = "aft") -> list[str]:
     """Return all sentences of the findings."""
-    known = {"runs": runs_frame([]), "durations": pl.DataFrame(schema=DURATIONS), "diagnostics": []}
+    known = {"runs": runs_frame([]), "events": frame([]), "diagnostics": [], "estimator": estimator}
+    known["durations"] = pl.DataFrame(schema=DURATIONS) if durations is None else durations
     found = findings(SimpleNamespace(synergies=table, **known))  # type: ignore[arg-type]
     return [text for finding in found for text in (finding.text, *finding.details)]
 
 
-def test_findings_name_what_is_certain_with_interval_and_count_the_clearest_first() -> None:
-    sentences = said(
-        synergies(
-            [
-                ("pick", 3.48, 1.89, 6.41, 7, "ok"),
-                ("wait", 9.0, 1.01, 80.0, 2, "sparse"),
-                ("put", 1.1, 0.9, 1.3, 9, "ok"),
-                ("go", 0.8, 0.7, 0.9, 12, "ok"),
-                ("look", None, None, None, 0, "unobserved"),
-                ("turn", None, None, None, 3, "weakly_identified"),
-            ]
-        )
-    )
-    assert sentences == [
-        "2 slow-downs whose 95 % interval lies above 1, clearest first:",
-        "robot: pick takes 3.48 [1.89, 6.41] times its mean while human: hold runs (n = 7).",
-        "robot: wait takes 9.00 [1.01, 80.00] times its mean while human: hold runs (n = 2, few pairs).",
-        "1 speed-up whose 95 % interval lies below 1, clearest first (the mean it relates to contains all slow-downs):",
-        "robot: go takes 0.80 [0.70, 0.90] times its mean while human: hold runs (n = 12).",
-        "Of 4 intervals of 95 %, 3 exclude 1; without any effects about 0.2 would.",
-        "1 of 6 ordered pairs of tasks never overlapped in executions that succeeded: nothing is known of them.",
+SOME_FACTORS = (
+    ("pick", 3.48, 1.89, 6.41, 7, "ok"),
+    ("wait", 9.0, 1.01, 80.0, 2, "sparse"),
+    ("put", 1.1, 0.9, 1.3, 9, "ok"),
+    ("go", 0.8, 0.7, 0.9, 12, "ok"),
+    ("look", None, None, None, 0, "unobserved"),
+    ("turn", None, None, None, 3, "weakly_identified"),
+)
+
+
+def test_findings_compare_with_undisturbed_work_what_remains_among_many_first() -> None:
+    slow = "times as long as undisturbed while human: hold runs"
+    late = ("late", 20.0, 1.5, 266.0, 2, "ok")  # its interval is farther from 1 than that of what remains
+    assert said(relative_to_undisturbed(synergies([late, ("first", 1.4, 1.3, 1.5, 9, "ok"), *SOME_FACTORS]))) == [
+        "4 slow-downs whose 95 % interval lies above 1, clearest first:",
+        f"robot: pick takes 3.48 [1.89, 6.41] {slow} (n = 7).",
+        f"robot: first takes 1.40 [1.30, 1.50] {slow} (n = 9).",
+        f"robot: late takes 20.00 [1.50, 266.00] {slow} (n = 2, not after allowing for 6 comparisons).",
+        f"robot: wait takes 9.00 [1.01, 80.00] {slow} (n = 2, few pairs, not after allowing for 6 comparisons).",
+        "1 speed-up whose 95 % interval lies below 1, clearest first:",
+        f"robot: go takes 0.80 [0.70, 0.90] {slow} (n = 12).",
+        "Of 6 intervals of 95 %, 5 show a slow-down or a speed-up; after allowing for 6 comparisons (Holm), 3 remain.",
+        "1 of 8 ordered pairs of tasks never overlapped in executions that succeeded: nothing is known of them.",
         "1 pair of tasks overlapped, but the data do not tell a factor.",
     ]
 
 
+def test_relative_to_the_mean_there_are_slow_downs_and_no_speed_ups() -> None:
+    assert said(synergies(SOME_FACTORS[:4])) == [
+        "2 slow-downs whose 95 % interval lies above 1, clearest first:",
+        "robot: pick takes 3.48 [1.89, 6.41] times its mean while human: hold runs (n = 7).",
+        (
+            "robot: wait takes 9.00 [1.01, 80.00] times its mean while human: hold runs (n = 2, few pairs, "
+            "not after allowing for 4 comparisons)."
+        ),
+        "Of 4 intervals of 95 %, 2 show a slow-down or a speed-up; after allowing for 4 comparisons (Holm), 1 remains.",
+        (
+            "1 factor relative to the mean lies below 1, which undisturbed pairs do too when others slow the task down; "
+            "undisturbed work was not seen enough to tell."
+        ),
+    ]
+    assert said(synergies(SOME_FACTORS[3:4]))[0] == "No slow-down and no speed-up is certain."
+
+
+def test_one_overwhelming_effect_of_two_is_no_chance_and_a_faint_one_among_many_is() -> None:
+    strong = said(synergies([("pick", 1.34, 1.31, 1.37, 20, "ok"), ("put", 1.0, 0.9, 1.1, 9, "ok")]))
+    assert strong[-1].endswith("after allowing for 2 comparisons (Holm), 1 remains.")
+    faint = said(synergies([("pick", 1.5, 1.01, 2.23, 7, "ok"), *([("put", 1.0, 0.9, 1.1, 9, "ok")] * 17)]))
+    assert faint[-1].endswith("1 shows a slow-down or a speed-up; after allowing for 18 comparisons (Holm), 0 remain.")
+
+
 def test_findings_say_plainly_that_nothing_is_certain() -> None:
-    by_chance = said(synergies([("pick", 1.5, 1.1, 2.5, 7, "ok"), *([("put", 1.0, 0.9, 1.1, 9, "ok")] * 17)]))
-    assert by_chance[-1] == (
-        "Of 18 intervals of 95 %, 1 excludes 1; without any effects about 0.9 would, so this may be chance."
-    )
     [sentence] = said(synergies([("pick", 1.5, 0.9, 2.5, 7, "ok")]))
     assert sentence == "No slow-down and no speed-up is certain: the interval includes 1."
     assert said(synergies([])) == [
@@ -221,6 +275,99 @@ def test_findings_say_plainly_that_nothing_is_certain() -> None:
     assert said(synergies([("pick", 1.5, None, None, 7, "ok")])) == [
         "No factor has an interval, so no slow-down is certain."
     ]
+
+
+def test_a_factor_beyond_all_that_was_seen_is_said_to_be_one_of_parts() -> None:
+    beyond = "; no execution was that long: it tells of the part that overlapped"
+    mean = synergies([("pick", 4.5, 2.0, 9.0, 7, "ok")])
+    free = relative_to_undisturbed(mean)
+    assert said(free, took(2.0, 3.0, 10.0))[1].endswith("(n = 7).")  # 10 is 5 times 2
+    assert said(mean, took(2.0, 3.0, 10.0))[1].endswith(f"(n = 7){beyond}.")
+    assert said(free, took(2.5, 3.0, 10.0))[1].endswith(f"(n = 7){beyond}.")
+    still = synergies([("pick", 34.66, 9.0, 140.0, 7, "ok")])
+    assert said(still, took(2.0, 3.0, 10.0))[1].endswith(f"(n = 7){beyond}, which nearly stood still.")
+
+
+def test_factors_that_no_duration_can_have_are_counted_and_not_named() -> None:
+    table = synergies([("pick", -1.5, -2.0, -1.0, 7, "ok"), ("put", 0.0, -0.1, 0.1, 9, "ok")])
+    sentences = said(table)
+    assert sentences == [
+        "No slow-down and no speed-up is certain.",
+        (
+            "2 factors are at or below 0, which no duration can be: the data do not support a factor there, so nothing is "
+            "said of it."
+        ),
+    ]
+    assert not any("robot: p" in sentence for sentence in sentences)
+
+
+def test_findings_say_what_is_wrong_with_the_factors_of_an_estimator() -> None:
+    table = synergies(SOME_FACTORS[:1])
+    assert any("should not be planned with" in sentence for sentence in said(table, estimator="paper"))
+    assert any("a third too small" in sentence for sentence in said(table, estimator="ols"))
+    assert not any("planned with" in sentence or "too small" in sentence for sentence in said(table))
+
+
+def test_p_values_are_those_of_a_normal_log_factor_and_linear_where_it_has_no_log() -> None:
+    assert p_value(1.5, 1.0, 2.25) == pytest.approx(0.05, abs=1e-6)
+    assert p_value(1 / 1.5, 1 / 2.25, 1.0) == pytest.approx(0.05, abs=1e-6)
+    assert p_value(2.0, -1.0, 5.0) == pytest.approx(0.5135, abs=1e-4)  # z = 1 / (6 / 3.92)
+    assert p_value(1.0, 0.5, 2.0) == 1.0
+    assert (p_value(1.0, 1.0, 1.0), p_value(2.0, 2.0, 2.0)) == (1.0, 0.0)
+
+
+def test_holm_allows_for_how_many_there_are() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.9, 0.8]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+def makespan_said(runs: Sequence[tuple[float, str, int, str]]) -> list[str]:
+    """Return what findings say of the makespans of runs: (makespan, outcome, open executions, planner)."""
+    table = runs_frame([(f"r{place}", makespan, 0) for place, (makespan, *_) in enumerate(runs)]).with_columns(
+        pl.Series("outcome", [run[1] for run in runs]), pl.Series("n_open", [run[2] for run in runs])
+    )
+    started = [
+        event("run_started", 0, run_id=f"r{place}", details=json.dumps({"planner": run[3]}))
+        for place, run in enumerate(runs)
+    ]
+    known = {"durations": pl.DataFrame(schema=DURATIONS), "synergies": synergies([]), "diagnostics": []}
+    found = findings(SimpleNamespace(runs=table, events=frame(started), estimator="aft", **known))  # type: ignore[arg-type]
+    return [text for finding in found for text in (finding.text, *finding.details) if "No two agents" not in text]
+
+
+def test_makespans_of_runs_that_were_cut_short_are_left_out_and_counted() -> None:
+    good = [(20.0, "succeeded", 0, ""), (22.0, "", 0, "")]
+    spoken = "Makespan: mean 21.0 s ± 1.4 s (sample standard deviation, n = 2), from 20.0 to 22.0 s"
+    assert makespan_said(good) == [f"{spoken}."]
+    cut = [(1.0, "failed", 0, ""), (2.0, "canceled", 0, ""), (3.0, "", 1, "")]
+    assert makespan_said([*good, *cut]) == [f"{spoken} (2 of 5 runs, those that ended well)."]
+    assert makespan_said(cut) == ["Makespan: none of 3 runs ended well, so none is told."]
+    one = [(20.0, "succeeded", 0, "")]
+    assert makespan_said([*one, *cut[:1]]) == ["Makespan: 20.0 s (n = 1) (1 of 2 runs, those that ended well)."]
+
+
+def test_makespans_of_several_planners_are_told_apart() -> None:
+    runs = [(20.0, "", 0, "fast"), (22.0, "", 0, "fast"), (40.0, "", 0, "slow"), (1.0, "failed", 0, "slow")]
+    assert makespan_said(runs) == [
+        "Makespan by planner, mean ± sample standard deviation (3 of 4 runs, those that ended well):",
+        "fast: 21.0 s ± 1.4 s (n = 2).",
+        "slow: 40.0 s (n = 1).",
+    ]
+    many = makespan_said([(float(place), "", 0, f"p{place}") for place in range(7)])
+    assert len(many) == 7
+    assert many[-1] == "2 more in the figure of makespans."
+
+
+def test_that_everything_succeeded_is_said_with_a_doubt_where_there_were_many() -> None:
+    analysis = replace(analysis_of(list("ABcd")), durations=took(1.0, 2.0, 3.0))
+    assert findings(replace(analysis, diagnostics=[]))[-1].text == "All 5 executions of main tasks succeeded."
+    assert findings(replace(analysis, diagnostics=[Diagnostic("single_outcome", "all")]))[-1].text == (
+        "All 5 executions of main tasks succeeded: failures may have been removed before we saw them."
+    )
+    alone = analysis.durations.with_columns(count=pl.lit(1, pl.Int64))
+    found = findings(replace(analysis, durations=alone, diagnostics=[]))
+    assert found[-1].text == "The only execution of a main task succeeded."
 
 
 def test_findings_put_lost_data_first_and_count_failures_with_their_intervals() -> None:
@@ -266,6 +413,30 @@ def test_a_table_shows_short_numbers_and_keeps_full_ones() -> None:
     assert row[4].value == "/" + "long/" * 20
     assert not table.filterable
     assert table.notes == ()
+
+
+def test_numbers_of_a_column_have_equally_many_decimals_unless_they_are_too_far_apart() -> None:
+    frame = pl.DataFrame({"x_s": [1.5, 1234.5, 0.0, None, float("nan")], "y": [1e-9, 1.5, 2.0, 300.0, None]})
+    rows = page_table(DataTable("t", "T", frame), "t").rows
+    assert [row[0].text for row in rows] == ["1.500", "1,234.500", "0.000", "n/a", "n/a"]
+    assert [row[0].value for row in rows] == ["1.5", "1234.5", "0.0", "", ""]
+    assert [row[1].text for row in rows] == ["1.00e-09", "1.500", "2.000", "300.0", "n/a"]
+
+
+def test_of_too_many_synergies_those_with_a_factor_are_kept_and_come_first() -> None:
+    factors = [float(place) if place % 50 == 49 else None for place in range(KEPT + 50)]
+    table = synergies([(f"t{place:05}", factor, None, None, 1, "ok") for place, factor in enumerate(factors)])
+    found = page_table(DataTable("synergies", "S", table), "t")
+    column = table.columns.index("task")
+    tasks = [row[column].text for row in (*found.rows, *found.more)]
+    known = [f"t{place:05}" for place, factor in enumerate(factors) if factor is not None]
+    assert tasks[: len(known)] == known
+    assert len(tasks) == SHOWN
+    assert found.notes == (
+        "This page holds the first 200 of 5,050 rows, 101 of the 101 with a factor first; hrclog export writes all.",
+    )
+    few = page_table(DataTable("synergies", "S", table.head(100)), "t")
+    assert [row[column].text for row in few.rows[:3]] == ["t00049", "t00099", "t00000"]
 
 
 @pytest.mark.parametrize("height", [0, 1, 21, SHOWN, SHOWN + 1, KEPT, KEPT + 1])
@@ -368,6 +539,27 @@ def test_a_report_says_with_what_it_was_made() -> None:
     page = " ".join(Tags(render(report(analysis_of(list("ABcd")), command="hrclog report x"), stub)).texts)
     for text in ("hrclog report x", "SHA-256", "Python 3", "numpy", "scikit-learn", "aft: a rate model", "Wilson"):
         assert text in page
+
+
+@pytest.mark.parametrize(("name", "value"), [("runs", -3), ("runs", "4"), ("title", 7), ("title", None)])
+def test_what_is_no_title_and_no_count_of_runs_is_a_sentence(name: str, value: object, tmp_path: Path) -> None:
+    with pytest.raises(HrclogError, match=f"{name} is {value!r}, expected"):
+        analysis_of(list("ABcd")).to_report(tmp_path / "report.html", **{name: value})  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_parts_of_pictures_have_names_of_their_own_though_the_pictures_be_the_same() -> None:
+    same = (
+        '<svg width="1"><path id="p0123456789-0"/><use href="#p0123456789-0"/><g clip-path="url(#p0123456789-0)">'
+        "<title>p0123456789-0</title></g></svg>"
+    )
+    page = render(report(analysis_of(list("ABcd")), runs=1), lambda _: same)
+    ids = re.findall(r'id="([^"]*p0123456789-0)"', page)
+    assert len(ids) > 1
+    assert len(set(ids)) == len(ids)
+    assert re.findall(r'href="#([^"]*p0123456789-0)"', page) == ids
+    assert re.findall(r"url\(#([^)]*p0123456789-0)\)", page) == ids
+    assert page.count("<title>p0123456789-0</title>") == len(ids)
 
 
 def test_runs_without_executions_are_no_report(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.figures.plot import Axis, Plot, Stroke
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.report.document import Figure, Report, Section, report
-from hrclog.analyzers.report.findings import Finding
+from hrclog.analyzers.report.finding import Finding
 from hrclog.analyzers.report.methods import Remark
 from hrclog.analyzers.report.save import write_report
 from hrclog.analyzers.report.tables import page_table

@@ -147,6 +147,28 @@ def test_one_agent_alone_gives_durations_and_metrics_and_exit_0(run: Run, tmp_pa
     assert document["runs"][0]["metrics"]["idle"]["H"] == pytest.approx(1 - 15 / 25)
 
 
+def test_the_headline_tells_makespans_of_runs_that_ended_well_and_how_many_those_are(run: Run, tmp_path: Path) -> None:
+    for number, outcome in enumerate(("succeeded", "succeeded", "failed")):
+        about = {"run_id": f"r{number}", "agent": "H", "task": "pick", "execution_id": "e"}
+        seconds = 20 + 2 * number if outcome == "succeeded" else 1
+        events = [
+            RunStarted(time_ns=0, run_id=f"r{number}"),
+            TaskStarted(time_ns=0, **about),
+            TaskEnded(time_ns=seconds * 10**9, **about, outcome=outcome),
+            RunEnded(time_ns=30 * 10**9, run_id=f"r{number}", outcome=outcome),
+        ]
+        write_log(tmp_path / f"{number}.mcap", events)
+    headline = "makespan 21.0 s +- 1.4 (sample standard deviation, n = 2)"
+    logs = [tmp_path / f"{number}.mcap" for number in range(3)]
+    for given, expected in (
+        (logs[:2], headline),
+        (logs, f"{headline} (2 of 3 runs, those that ended well)"),
+        (logs[2:], "makespan not known: the run did not end well"),
+    ):
+        result = run("analyze", *given, "-o", tmp_path / "out", "--recordings", "0")
+        assert result.out.splitlines()[1] == expected
+
+
 def test_an_output_folder_that_cannot_be_written_is_said_before_the_work(
     run: Run, samples: Path, tmp_path: Path
 ) -> None:

@@ -106,3 +106,39 @@ def test_a_slip_of_the_hand_overwrites_no_log(run: Run, samples: Path, tmp_path:
         assert result.code == 2
         assert "expected one that ends in ." in result.err
     assert log.read_bytes() == (samples / "single.mcap").read_bytes()
+
+
+def linked(kind: str, log: Path, folder: Path) -> Path:
+    """Return what is to be written over a log, as a link to it."""
+    folder.mkdir()
+    link = folder / f"figure.{kind}"
+    link.symlink_to(log)
+    return link if kind in ("html", "pdf") else folder
+
+
+@pytest.mark.parametrize(("option", "kind"), [("-o", "html"), ("--pdf", "pdf"), ("--png", "png"), ("--svg", "svg")])
+def test_no_output_is_written_over_a_log_through_a_link_neither(
+    option: str, kind: str, run: Run, samples: Path, tmp_path: Path
+) -> None:
+    content = (samples / "single.mcap").read_bytes()
+    log = tmp_path / "run.mcap"
+    log.write_bytes(content)
+    target = linked(kind, log, tmp_path / "links")
+    places = [option, target] if option == "-o" else ["-o", tmp_path / "report.html", option, target]
+    fails(run("report", tmp_path, *places), "is one of the logs to read, so nothing was written", f"figure.{kind}")
+    assert log.read_bytes() == content
+    assert not (tmp_path / "report.html").exists()
+    named = tmp_path / "log.html"
+    named.write_bytes(content)
+    fails(run("report", named, "-o", named), "log.html: is one of the logs")
+    assert named.read_bytes() == content
+
+
+@pytest.mark.slow
+def test_the_order_of_the_logs_changes_nothing(run: Run, samples: Path, tmp_path: Path) -> None:
+    logs = [samples / "single.mcap", samples / "failures.mcap"]
+    for name, given in (("a", logs), ("b", logs[::-1])):
+        assert run("report", *given, "-o", tmp_path / f"{name}.html", "--runs", "0").code == 0
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    assert run("report", *logs * 3, "-o", tmp_path / "c.html", "--runs", "0").code == 0
+    assert "hrclog report &lt;6 logs&gt; --runs 0" in (tmp_path / "c.html").read_text(encoding="utf-8")

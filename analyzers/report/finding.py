@@ -1,0 +1,27 @@
+"""A sentence of a report's findings, and the words that such sentences share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from hrclog.analyzers.figures.text import printable
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A sentence, and details in sentences of their own; `doubt` limits what the others say, `lost` spoils it."""
+
+    text: str
+    details: tuple[str, ...] = ()
+    kind: Literal["lost", "fact", "doubt"] = "fact"
+
+
+def task_name(agent: str, task: str) -> str:
+    """Return how a task is spoken of."""
+    return f"{printable(agent)}: {printable(task)}"
+
+
+def counted(number: int, what: str) -> str:
+    """Return a number of things in words."""
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
