@@ -53,6 +53,7 @@ class Further:
     plan_labels: pl.DataFrame = field(default_factory=PLAN_LABELS.to_frame)
     settling: pl.DataFrame = field(default_factory=SETTLING.to_frame)
     settling_durations: pl.DataFrame = field(default_factory=SETTLING_DURATIONS.to_frame)
+    settling_note: str = ""  # of the settling synergies
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,8 +130,10 @@ def _matrices(pair_overlaps: pl.DataFrame, synergies: pl.DataFrame) -> tuple[lis
 def _settling_pages(further: Further, pair_overlaps: pl.DataFrame) -> tuple[Page, Page]:
     """Return how estimates settled as runs came in: curves, and the synergies after so many runs."""
     settling, _ = _first_pairs(further.settling, pair_overlaps)
-    curves = (*settling_curves(settling), *duration_curves(further.settling_durations))
-    return Page("Settling", curves), Page("Synergy over runs", steps=tuple(settling_heatmaps(settling)))
+    curves = (*settling_curves(settling, note=further.settling_note), *duration_curves(further.settling_durations))
+    return Page("Settling", curves), Page(
+        "Synergy over runs", steps=tuple(settling_heatmaps(settling, note=further.settling_note))
+    )
 
 
 def _heatmap_page(name: str, matrices: Sequence[Matrix]) -> Page:

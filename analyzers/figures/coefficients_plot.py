@@ -106,4 +106,4 @@ def _paint(row: Coefficient) -> Paint:
 def _said(row: Coefficient) -> str:
     error = f" +- {row.std_err:.3f}" if row.std_err is not None else ""
     interval = f" (95 % {row.low:.3f} to {row.high:.3f})" if row.low is not None and row.high is not None else ""
-    return f"{row.name}: {row.value:.3f}{error}{interval}, n = {row.n}, {row.status}"
+    return f"{row.full}: {row.value:.3f}{error}{interval}, n = {row.n}, {row.status}"

@@ -18,7 +18,7 @@ _MISSES: Final = 0.05  # of 95 % intervals
 _KEY: Final = ("agent", "task", "other_agent", "other_task")
 _STATUS: Final = {"sparse": "few pairs", WEAKLY_IDENTIFIED: "weakly identified"}
 _IMPOSSIBLE: Final = ((pl.col("synergy") <= 0) | (pl.col("synergy_free") <= 0)).fill_null(value=False)
-_BEYOND: Final = "; no execution was that long: it tells of the part that overlapped"
+_BEYOND: Final = "; no execution was that long: the factor is that of the part that overlapped"
 _STILL: Final = 5.0  # times as long
 _CAUTIONS: Final = {
     "paper": "These factors are the regression's as printed, kept for comparison: they should not be planned with.",

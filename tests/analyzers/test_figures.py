@@ -497,7 +497,10 @@ def test_signals_are_grouped_and_what_is_left_out_is_said() -> None:
     signals = pl.DataFrame(rows, schema=SIGNALS, orient="row")
     lines, captions = signal_series(signals, 0, max_series=2, max_samples=5)
     assert [(line.group, line.name, len(line.values)) for line in lines] == [("R", "R/j1", 2), ("R", "R/j2", 2)]
-    assert captions == ["The first 2 of 3 signals are drawn.", "2 signals are thinned to their lowest and highest values."]
+    assert captions == [
+        "The first 2 of 3 signals are drawn.",
+        "2 signals are thinned to their lowest and highest values.",
+    ]
 
 
 def test_the_log_says_who_did_what_and_stops_aloud() -> None:

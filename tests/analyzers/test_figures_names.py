@@ -143,7 +143,7 @@ def test_pictures_of_agents_that_are_called_alike_have_titles_of_their_own() -> 
 
 
 def test_rows_and_columns_of_a_matrix_are_told_apart() -> None:
-    middle = [f"the_robot_puts_box_{color}_on_the_second_table_of_the_hall" for color in ("A", "B", "C")]
+    middle = [f"the_robot_of_the_hall_puts_box_{color}_on_the_second_table_of_it" for color in ("A", "B", "C")]
     (heatmap,) = synergy_heatmaps(pairs(["human", "robot"], middle, SYNERGIES))
     plot = heatmap_plot(heatmap, ("synergy",))
     for axis in (plot.x, plot.y):

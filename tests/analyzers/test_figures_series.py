@@ -162,5 +162,3 @@ def test_a_speed_scale_that_the_events_tell_too_is_drawn_once(signal: Series, *,
     events, other = told([1.0, 0.5, 0.5, 0.0, 0.0]), series([1.0, 0.5])
     assert without_echoes([events, signal, other]) == ([events, signal, other] if kept else [events, other])
     assert without_echoes([signal]) == [signal]
-    (speeds, _) = series_plots([events, signal, other], X, ("run",))
-    assert len(speeds.keys) == 1 + kept

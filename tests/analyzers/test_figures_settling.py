@@ -16,7 +16,7 @@ from run_frames import runs_of
 
 from hrclog.analyzers.figures.curves import MAX_CURVES, log_ticks
 from hrclog.analyzers.figures.heatmap import MAX_SIDE
-from hrclog.analyzers.figures.palette import TASKS
+from hrclog.analyzers.figures.palette import LINES
 from hrclog.analyzers.figures.plot import Plot, Stroke
 from hrclog.analyzers.figures.settling import duration_curves, settling_curves, settling_heatmaps
 from hrclog.analyzers.schemas import SETTLING, SETTLING_DURATIONS
@@ -155,7 +155,7 @@ def test_those_surest_to_differ_from_one_are_drawn() -> None:
     assert [text.text.split()[0] for text in plot.texts] == ["sure", *(f"t{n}" for n in range(9, 2, -1))]
     assert any("8 of 11 factors" in note for note in plot.notes)
     assert any("without a factor after all runs: 1." in note for note in plot.notes)
-    assert [dot.paint for dot in plot.dots[::2]] == list(TASKS[:MAX_CURVES])
+    assert [dot.paint for dot in plot.dots[::2]] == list(LINES[:MAX_CURVES])
 
 
 def test_factors_without_an_error_come_last_and_negative_ones_not_at_all() -> None:
@@ -187,7 +187,7 @@ def test_names_stand_apart_in_the_order_of_their_lines(values: list[float]) -> N
     assert placed[0][0] > 9
     assert placed[-1][0] < plot.area[1] - 9
     by_value = [values[int(text.strip()[1:].split()[0])] for _, text in placed]
-    assert by_value == sorted(by_value)
+    assert by_value == pytest.approx(sorted(by_value), rel=1e-12), "but for values that are one on a logarithmic axis"
 
 
 def test_means_that_are_least_sure_are_drawn() -> None:

@@ -252,8 +252,8 @@ def test_relative_to_the_mean_there_are_slow_downs_and_no_speed_ups() -> None:
         ),
         "Of 4 intervals of 95 %, 2 show a slow-down or a speed-up; after allowing for 4 comparisons (Holm), 1 remains.",
         (
-            "1 factor relative to the mean lies below 1, which undisturbed pairs do too when others slow the task down; "
-            "undisturbed work was not seen enough to tell."
+            "1 factor relative to the mean lies below 1, which undisturbed pairs do too when others slow the task "
+            "down; undisturbed work was not seen enough to tell."
         ),
     ]
     assert said(synergies(SOME_FACTORS[3:4]))[0] == "No slow-down and no speed-up is certain."
@@ -278,7 +278,7 @@ def test_findings_say_plainly_that_nothing_is_certain() -> None:
 
 
 def test_a_factor_beyond_all_that_was_seen_is_said_to_be_one_of_parts() -> None:
-    beyond = "; no execution was that long: it tells of the part that overlapped"
+    beyond = "; no execution was that long: the factor is that of the part that overlapped"
     mean = synergies([("pick", 4.5, 2.0, 9.0, 7, "ok")])
     free = relative_to_undisturbed(mean)
     assert said(free, took(2.0, 3.0, 10.0))[1].endswith("(n = 7).")  # 10 is 5 times 2
@@ -294,8 +294,8 @@ def test_factors_that_no_duration_can_have_are_counted_and_not_named() -> None:
     assert sentences == [
         "No slow-down and no speed-up is certain.",
         (
-            "2 factors are at or below 0, which no duration can be: the data do not support a factor there, so nothing is "
-            "said of it."
+            "2 factors are at or below 0, which no duration can be: the data do not support a factor there, so nothing "
+            "is said of it."
         ),
     ]
     assert not any("robot: p" in sentence for sentence in sentences)
