@@ -142,7 +142,7 @@ def _apart(times_ns: IntArray) -> IntArray:
 
 
 def _seconds(ns: pl.Expr, name: str) -> pl.Expr:
-    return (ns / 1e9).round(3).alias(name)  # to read; the tables beside the recording are exact
+    return (ns / 1e9).round(9).alias(name)  # no digits that a nanosecond does not have
 
 
 def _facts(run: Mapping[str, Any]) -> tuple[tuple[str, str | int | float], ...]:
