@@ -13,9 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrclog.analyzers.figures import campaign_figures, run_figures
+from hrclog.analyzers.figures import Further, campaign_figures, run_figures
 from hrclog.analyzers.figures.boxplot import MAX_BOXES, MAX_OUTLIERS, duration_boxes
 from hrclog.analyzers.figures.boxplot_plot import boxplot_plot
+from hrclog.analyzers.figures.campaign import MAX_AGENT_PAIRS
 from hrclog.analyzers.figures.coefficients import MAX_ROWS, synergy_coefficients
 from hrclog.analyzers.figures.coefficients_plot import coefficients_plot
 from hrclog.analyzers.figures.events import event_lines, pauses
@@ -26,12 +27,13 @@ from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
 from hrclog.analyzers.figures.lanes import lane_numbers
 from hrclog.analyzers.figures.overlap_matrix import overlap_matrices
 from hrclog.analyzers.figures.palette import FAILED, FULL_SPEED, PAUSED, REDUCED, TASKS, diverging, task_colors
+from hrclog.analyzers.figures.plot import page_plots
 from hrclog.analyzers.figures.run_plots import run_plots
 from hrclog.analyzers.figures.series import overlaps_so_far, signal_series, speed_scales
 from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
 from hrclog.analyzers.figures.table import DataTable, markdown
 from hrclog.analyzers.figures.text import UNNAMED, markdown_escape, printable, shorten
-from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
+from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SETTLING, SIGNALS, SYNERGIES
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS
 
@@ -571,3 +573,50 @@ def test_pairs_that_never_overlap_are_drawn_as_unobserved() -> None:
     empty = coefficients_plot(synergy_coefficients(nothing)[0], ("coefficients", "A", "B"))
     assert empty.dots == empty.strokes == ()
     assert empty.y.ticks == ((0.5, ""),)
+
+
+def test_of_many_agents_the_pairs_that_overlap_most_are_drawn() -> None:
+    agents = "ABCDE"
+    rows = [
+        {"agent": one, "task": "t", "other_agent": other, "other_task": "t", "n": 1, "mean_ratio": 0.1}
+        | {"overlap_s": float(agents.index(one) + agents.index(other))}
+        for one in agents
+        for other in agents
+        if one != other
+    ]
+    pairs = pl.DataFrame([{name: row.get(name) for name in PAIR_OVERLAPS} for row in rows], PAIR_OVERLAPS, orient="row")
+    campaign = campaign_figures(
+        frame(), pairs, DURATIONS.to_frame(), SYNERGIES.to_frame(), RUNS.to_frame(), [], Further(settling_note="a note")
+    )
+    drawn = {matrix.heatmap.agents for matrix in campaign.matrices}
+    assert len(drawn) == MAX_AGENT_PAIRS
+    assert {("D", "E"), ("E", "D"), ("C", "E")} <= drawn
+    assert ("A", "B") not in drawn
+    said = f"Matrices and coefficients of {MAX_AGENT_PAIRS} of 20 pairs of agents are drawn, those that overlap most"
+    assert any(said in caption for caption in campaign.captions)
+
+
+def test_intervals_of_drawn_runs_are_told_from_those_of_the_steps() -> None:
+    rows = [
+        {"agent": "A", "task": "t", "other_agent": "B", "other_task": "u", "estimator": "aft", "status": "ok", "n": 5}
+        | {"runs": runs, "synergy": 1.5, "std_err": 0.1, "ci_low": 1.3, "ci_high": 1.7, "overlap_s": 4.0}
+        for runs in (1, 2)
+    ]
+    settling = pl.DataFrame([{name: row.get(name) for name in SETTLING} for row in rows], SETTLING, orient="row")
+    campaign = campaign_figures(
+        frame(),
+        PAIR_OVERLAPS.to_frame(),
+        DURATIONS.to_frame(),
+        SYNERGIES.to_frame(),
+        RUNS.to_frame(),
+        [],
+        Further(settling=settling, settling_note="other intervals"),
+    )
+    settled = [
+        plot
+        for page in campaign.pages
+        if page.name.startswith(("Settling", "Synergy over"))
+        for plot in page_plots(page)
+    ]
+    assert len(settled) == 2
+    assert all("other intervals" in plot.notes for plot in settled)
