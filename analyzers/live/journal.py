@@ -57,6 +57,7 @@ class LiveJournal:
         self._stream: RunStream | None = None
         self._changed_ns = 0
         self._was_held = False  # a recorder has been seen to write it
+        self._let_go = False  # and nobody did at the last look
         self._told: set[str] = set()
 
     @property
@@ -146,8 +147,10 @@ class LiveJournal:
         if held is None and not exists(self._path):  # it is a log by now
             return True
         self._was_held |= bool(held)
-        quiet = time.time_ns() - self._changed_ns > QUIET_NS
-        return bool(held) or not (self._was_held or quiet)
+        let_go, self._let_go = self._let_go, self._was_held and not held
+        if self._was_held:  # one that has just closed its log lets go of the journal before the log takes its place
+            return bool(held) or not let_go
+        return bool(held) or time.time_ns() - self._changed_ns <= QUIET_NS
 
     def _draw(self, run: LiveRun, *, fresh: bool, woke: bool) -> None:
         is_new = self._stream is None

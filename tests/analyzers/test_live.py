@@ -555,3 +555,13 @@ def test_statistics_that_fail_say_so_where_they_were_asked_for(tmp_path: Path) -
     with pytest.raises(LogReadError):
         statistics.finish()
     statistics.close()
+
+
+def test_a_recorder_that_closes_its_log_is_not_taken_for_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between letting go of the journal and putting the log in its place, nobody holds it."""
+    path = tmp_path / "run.mcap.partial"
+    path.touch()
+    held = iter([True, False, True, False, False])
+    monkeypatch.setattr(live_journal, "is_being_written", lambda _: next(held))
+    journal = live_journal.LiveJournal(path, "", lambda _: None, lambda _: EVENTS.to_frame(), str)
+    assert [journal._has_recorder() for _ in range(5)] == [True, True, True, True, False]
