@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.analysis import Analysis
+from hrclog.analyzers.result import Analysis
 from hrclog.errors import OutputError
 from hrclog.file_names import file_stem
 

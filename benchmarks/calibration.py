@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from hrclog.analyzers.intervals import intervals
+from hrclog.analyzers.projections.intervals import intervals
 from hrclog.events import Event, TaskEnded, TaskStarted
 from hrclog.log.reader import read_events
 from hrclog.parallel import ordered_map
-from hrclog.plan import Plan, make_plan
+from hrclog.planning.plan import Plan, make_plan
 from hrclog.recorders.importers.mongo import import_mongo
 from hrclog.sim.run import plan_of, simulate_run
 from hrclog.sim.scenario import Scenario, load_scenario

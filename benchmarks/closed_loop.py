@@ -23,19 +23,19 @@ import numpy as np
 import polars as pl
 from realised import CellName, Realised
 
-from hrclog.analyzers.intervals import rebuild
-from hrclog.analyzers.learning import gaps, learn
-from hrclog.analyzers.planner.find import find_plan
-from hrclog.analyzers.planner.judge import possible_plan
-from hrclog.analyzers.planner.local_search import Effort
-from hrclog.analyzers.planner.reference import best_by_durations
-from hrclog.analyzers.planner.search import MOST_ENUMERATED
-from hrclog.analyzers.planner.space import space_of
-from hrclog.analyzers.planner.wish import Method, Wish
+from hrclog.analyzers.learning.learn import gaps, learn
+from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.analyzers.search.find import find_plan
+from hrclog.analyzers.search.judge import possible_plan
+from hrclog.analyzers.search.local_search import Effort
+from hrclog.analyzers.search.reference import best_by_durations
+from hrclog.analyzers.search.search import MOST_ENUMERATED
+from hrclog.analyzers.search.space import space_of
+from hrclog.analyzers.search.wish import Method, Wish
 from hrclog.knowledge.task_times import Factor, TaskTime, TaskTimes
 from hrclog.log.reader import read_logs
-from hrclog.plan import Plan
-from hrclog.random_plans import random_plans
+from hrclog.planning.plan import Plan
+from hrclog.planning.random_plans import random_plans
 from hrclog.sim.campaign import simulate_campaign
 from hrclog.sim.truth import Truth, read_truth
 

@@ -19,10 +19,11 @@ from typing import Any
 import polars as pl
 from measure import cpu_seconds, peak_mebibytes
 
-from hrclog.analyzers.intervals import intervals
 from hrclog.analyzers.prediction.conformal import conformal
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.prediction.residuals import Learning
+from hrclog.analyzers.prediction.score import score
+from hrclog.analyzers.prediction.score_truth import pair_errors, true_pairs, truth_figures
 from hrclog.analyzers.prediction.settings import (
     SCORED,
     Predictions,
@@ -30,8 +31,7 @@ from hrclog.analyzers.prediction.settings import (
     predict_prequential,
     predict_static,
 )
-from hrclog.analyzers.score import score
-from hrclog.analyzers.score_truth import pair_errors, true_pairs, truth_figures
+from hrclog.analyzers.projections.intervals import intervals
 from hrclog.analyzers.synergy.aft import aft
 from hrclog.analyzers.synergy.aft_likelihood import Prior
 from hrclog.analyzers.synergy.estimators import ESTIMATORS

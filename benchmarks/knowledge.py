@@ -21,8 +21,8 @@ import polars as pl
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "helpers"))
 from kb_postgres import binaries, private_server
 
-from hrclog.analyzers.intervals import rebuild
-from hrclog.analyzers.knowledge import frame_of_events, ingest, ingest_events, ingest_logs, update_statistics
+from hrclog.analyzers.learning.ingest import frame_of_events, ingest, ingest_events, ingest_logs, update_statistics
+from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.events import Event
 from hrclog.knowledge import open_knowledge
 from hrclog.log.writer import write_log

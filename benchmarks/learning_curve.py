@@ -18,11 +18,11 @@ import polars as pl
 from closed_loop import write_page
 from realised import CellName, makespan_s
 
-from hrclog.analyzers.intervals import rebuild
-from hrclog.analyzers.knowledge import frame_of_events
-from hrclog.analyzers.learning import learn
-from hrclog.analyzers.planner.find import find_plan
-from hrclog.analyzers.planner.wish import Method, Wish
+from hrclog.analyzers.learning.ingest import frame_of_events
+from hrclog.analyzers.learning.learn import learn
+from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.analyzers.search.find import find_plan
+from hrclog.analyzers.search.wish import Method, Wish
 from hrclog.knowledge.task_times import NOTHING, with_guesses
 from hrclog.parallel import ordered_map
 from hrclog.sim.run import simulate_run

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from measure import cpu_seconds, peak_mebibytes, table
 
-from hrclog.analyzers.overlaps import sweep
+from hrclog.analyzers.projections.overlaps import sweep
 
 
 def make_intervals(runs: int, per_agent: int) -> pl.DataFrame:

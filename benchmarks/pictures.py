@@ -11,9 +11,10 @@ import numpy as np
 import rerun as rr
 from measure import cpu_seconds
 
-from hrclog.analyzers.analysis import Analysis, analyze
+from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.figures.gantt import Gantt, state_changes
 from hrclog.analyzers.output import save
+from hrclog.analyzers.result import Analysis
 
 NAIVE_RUNS = 20
 """Runs that are logged one event at a time; more would only take longer."""

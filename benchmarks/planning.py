@@ -16,14 +16,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from hrclog.analyzers.planner.bound import lower_bound_s
-from hrclog.analyzers.planner.cpsat import cpsat
-from hrclog.analyzers.planner.judge import Judge
-from hrclog.analyzers.planner.local_search import Effort, local_search
-from hrclog.analyzers.planner.space import Space, space_of
-from hrclog.analyzers.planner.worlds import Worlds
-from hrclog.problem import Count, Problem
-from hrclog.random_plans import random_orders
+from hrclog.analyzers.search.bound import lower_bound_s
+from hrclog.analyzers.search.cpsat import cpsat
+from hrclog.analyzers.search.judge import Judge
+from hrclog.analyzers.search.local_search import Effort, local_search
+from hrclog.analyzers.search.space import Space, space_of
+from hrclog.analyzers.search.worlds import Worlds
+from hrclog.planning.problem import Count, Problem
+from hrclog.planning.random_plans import random_orders
 from hrclog.sim.scenario import load_scenario
 
 PAIRS = 16

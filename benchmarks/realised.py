@@ -10,8 +10,8 @@ from pathlib import Path
 
 from hrclog.events import TaskEnded, TaskStarted
 from hrclog.parallel import ordered_map
-from hrclog.plan import Orders, Plan, make_plan
-from hrclog.sim.bullet import with_policy, with_signals
+from hrclog.planning.plan import Orders, Plan, make_plan
+from hrclog.sim.bullet.engine import with_policy, with_signals
 from hrclog.sim.run import Run, simulate_run
 from hrclog.sim.scenario import Scenario, load_scenario
 

@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 
 from hrclog.log.reader import read_events
-from hrclog.sim.bullet import with_policy
+from hrclog.sim.bullet.engine import with_policy
 from hrclog.sim.campaign import simulate_campaign
-from hrclog.sim.safety_settings import POLICIES
+from hrclog.sim.cell.safety_settings import POLICIES
 from hrclog.sim.scenario import Scenario, load_scenario
 
 

@@ -12,34 +12,35 @@ from hrclog._version import __version__
 from hrclog.errors import HrclogError
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis, analyze
-    from hrclog.analyzers.durations import durations
-    from hrclog.analyzers.intervals import intervals
-    from hrclog.analyzers.metrics import metrics
-    from hrclog.analyzers.overlaps import overlaps
-    from hrclog.analyzers.planner.find import find_plan
-    from hrclog.analyzers.planner.replan import replanner
-    from hrclog.analyzers.planner.wish import Wish
+    from hrclog.analyzers.analysis import analyze
+    from hrclog.analyzers.projections.durations import durations
+    from hrclog.analyzers.projections.intervals import intervals
+    from hrclog.analyzers.projections.metrics import metrics
+    from hrclog.analyzers.projections.overlaps import overlaps
+    from hrclog.analyzers.result import Analysis
+    from hrclog.analyzers.search.find import find_plan
+    from hrclog.analyzers.search.replan import replanner
+    from hrclog.analyzers.search.wish import Wish
     from hrclog.knowledge import open_knowledge
     from hrclog.log.reader import Logs, read_events, read_logs
     from hrclog.recorders.recorder import Recorder, TaskHandle
 
 _LAZY = {
-    "Analysis": "hrclog.analyzers.analysis",
+    "Analysis": "hrclog.analyzers.result",
     "Logs": "hrclog.log.reader",
     "Recorder": "hrclog.recorders.recorder",
     "TaskHandle": "hrclog.recorders.recorder",
-    "Wish": "hrclog.analyzers.planner.wish",
+    "Wish": "hrclog.analyzers.search.wish",
     "analyze": "hrclog.analyzers.analysis",
-    "durations": "hrclog.analyzers.durations",
-    "find_plan": "hrclog.analyzers.planner.find",
-    "intervals": "hrclog.analyzers.intervals",
-    "metrics": "hrclog.analyzers.metrics",
+    "durations": "hrclog.analyzers.projections.durations",
+    "find_plan": "hrclog.analyzers.search.find",
+    "intervals": "hrclog.analyzers.projections.intervals",
+    "metrics": "hrclog.analyzers.projections.metrics",
     "open_knowledge": "hrclog.knowledge",
-    "overlaps": "hrclog.analyzers.overlaps",
+    "overlaps": "hrclog.analyzers.projections.overlaps",
     "read_events": "hrclog.log.reader",
     "read_logs": "hrclog.log.reader",
-    "replanner": "hrclog.analyzers.planner.replan",
+    "replanner": "hrclog.analyzers.search.replan",
 }
 
 __all__ = [

@@ -12,10 +12,10 @@ from typing import Final
 
 from hrclog.errors import HrclogError, LogExistsError, LogWriteError, ScenarioError
 from hrclog.parallel import ordered_map
+from hrclog.sim.bullet.observed import observed_truth
 from hrclog.sim.campaign_folder import add_run, campaign_folder, manifest_of
 from hrclog.sim.engine import ENGINES, make_engine
 from hrclog.sim.event_queue import EventQueue
-from hrclog.sim.observed import observed_truth
 from hrclog.sim.run import BASE_EPOCH_NS, run_name, simulate_run
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.truth import RunTruth, Truth, scenario_truth

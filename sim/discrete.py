@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from hrclog.events import Cause, Event, Outcome, SafetyStateChanged, TaskEnded, TaskPaused, TaskResumed, TaskStarted
 from hrclog.recorders.clock import Clock
-from hrclog.recorders.executor import Command, Emit, Executor, event_on
+from hrclog.recorders.executors.protocol import Command, Emit, Executor, event_on
 from hrclog.sim.scenario import AgentTask, Scenario
 from hrclog.sim.stream import Stream
 from hrclog.sim.truth import ExecutionTruth, PairTruth

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from hrclog.errors import ScenarioError
 from hrclog.recorders.clock import Clock
-from hrclog.recorders.executor import Executor
+from hrclog.recorders.executors.protocol import Executor
 from hrclog.sim.truth import ExecutionTruth, PairTruth
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def make_engine(name: str, scenario: Scenario, clock: Clock, seed: int, index: i
         streams = {agent: Stream(seed, index, "agent", agent) for agent in scenario.problem.agents}
         return DiscreteCell(scenario, clock, streams)
     if name == "bullet":
-        from hrclog.sim.bullet import BulletCell
+        from hrclog.sim.bullet.engine import BulletCell
 
         return BulletCell(scenario, clock, seed, index)
     raise ScenarioError(f"engine {name!r}: unknown; the engines are {', '.join(ENGINES)}")

@@ -14,13 +14,13 @@ from hrclog._version import __version__
 from hrclog.errors import ScenarioError
 from hrclog.events import Event, Outcome, RunEnded, RunStarted
 from hrclog.ids import Uuid7Generator
-from hrclog.plan import Plan, PlanItem, check_plan, with_planned_times
-from hrclog.random_plans import random_plans
+from hrclog.planning.plan import Plan, PlanItem, check_plan, with_planned_times
+from hrclog.planning.random_plans import random_plans
+from hrclog.planning.run_state import Replan
 from hrclog.recorders.clock import Clock
-from hrclog.recorders.dispatch_policy import DispatchPolicy
-from hrclog.recorders.dispatcher import Dispatcher
-from hrclog.recorders.executor import Executor
-from hrclog.run_state import Replan
+from hrclog.recorders.dispatch.dispatcher import Dispatcher
+from hrclog.recorders.dispatch.policy import DispatchPolicy
+from hrclog.recorders.executors.protocol import Executor
 from hrclog.sim.engine import ENGINES, make_engine
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.scenario import Scenario

@@ -11,13 +11,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from hrclog.dispatch_mode import DispatchMode
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
 from hrclog.json_record import JsonRecord, read_json
-from hrclog.problem import PROBLEM_FIELDS, Problem, problem_from_json
-from hrclog.sim.cell import Cell
-from hrclog.sim.cell_json import CELL_FIELDS, TIME_FIELDS, cell_from_json, lognormal_from_json
+from hrclog.planning.dispatch_mode import DispatchMode
+from hrclog.planning.problem import PROBLEM_FIELDS, Problem, problem_from_json
+from hrclog.sim.cell.description import Cell
+from hrclog.sim.cell.from_json import CELL_FIELDS, TIME_FIELDS, cell_from_json, lognormal_from_json
 from hrclog.sim.lognormal import Lognormal
 
 SCENARIO_FOLDER: Final = Path(__file__).parent / "scenarios"

@@ -12,10 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+from hrclog.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +26,7 @@ class Draws:
     """
 
     runs: list[str]
-    counts: Floats
+    counts: FloatArray
 
 
 def side_seed(seed: int, runs: Sequence[str]) -> int:
@@ -51,7 +49,7 @@ def draw_runs(runs: Sequence[str], replicates: int, seed: int) -> Draws:
     return Draws(ids, source.multinomial(len(ids), np.full(len(ids), 1 / len(ids)), replicates).astype(np.float64))
 
 
-def widened(drawn: Floats, estimate: Floats, runs: Integers) -> Floats:
+def widened(drawn: FloatArray, estimate: FloatArray, runs: IntArray) -> FloatArray:
     """Spread draws as far about the estimate as few runs ask for; NaN below two runs.
 
     Means of n values drawn from n spread too little, by sqrt((n - 1) / n), and a normal quantile is too small for a
@@ -67,7 +65,7 @@ def widened(drawn: Floats, estimate: Floats, runs: Integers) -> Floats:
     return estimate + np.array([factors[int(n)] for n in runs], np.float64) * (drawn - estimate)
 
 
-def percentile_interval(values: Floats) -> tuple[Floats, Floats]:
+def percentile_interval(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the ends of the 95 % interval of each column.
 
     Args:

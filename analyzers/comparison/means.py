@@ -9,17 +9,18 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.comparison.draws import Draws, Floats, Integers, percentile_interval, widened
+from hrclog.analyzers.comparison.draws import Draws, percentile_interval, widened
+from hrclog.arrays import FloatArray, IntArray
 
 _ROUNDING: Final = 1e-9  # of the means; a difference below it is none
 
 
 @dataclass(frozen=True, slots=True)
 class _Side:
-    mean: Floats  # (cells,), NaN where the side has no value
-    n: Integers
-    runs: Integers
-    drawn: Floats  # (draws, cells)
+    mean: FloatArray  # (cells,), NaN where the side has no value
+    n: IntArray
+    runs: IntArray
+    drawn: FloatArray  # (draws, cells)
 
 
 def compare_means(a: pl.DataFrame, b: pl.DataFrame, draws_a: Draws, draws_b: Draws, schema: pl.Schema) -> pl.DataFrame:
@@ -77,7 +78,7 @@ def _side(totals: pl.DataFrame, cells: pl.DataFrame, keys: Sequence[str], draws:
     return _Side(mean, weight.sum(axis=0).astype(np.int64), runs_with, widened(drawn, mean, runs_with))
 
 
-def _quotient(total: Floats, weight: Floats) -> Floats:
+def _quotient(total: FloatArray, weight: FloatArray) -> FloatArray:
     quotient = np.full(total.shape, np.nan)
     np.divide(total, weight, out=quotient, where=weight > 0)
     return quotient

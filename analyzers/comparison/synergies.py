@@ -8,13 +8,14 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.comparison.draws import Floats, percentile_interval, side_seed, widened
+from hrclog.analyzers.comparison.draws import percentile_interval, side_seed, widened
 from hrclog.analyzers.comparison.schemas import SYNERGIES
-from hrclog.analyzers.overlaps import PAIR
+from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.bootstrap import bootstrap
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outliers import Outliers
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
+from hrclog.arrays import FloatArray
 
 _ROUNDING: Final = 1e-9  # of a log ratio; less is no difference
 
@@ -86,7 +87,7 @@ def compare_synergies(
     return pairs.with_columns(columns).select(SYNERGIES.names()).cast(SYNERGIES)
 
 
-def _log_factors(drawn: pl.DataFrame, pairs: pl.DataFrame, value: str, draws: int) -> Floats:
+def _log_factors(drawn: pl.DataFrame, pairs: pl.DataFrame, value: str, draws: int) -> FloatArray:
     """Return the logarithms of the drawn factors, shape (draws, pairs).
 
     NaN where a draw does not identify a factor, and all NaN where one is 0 or less, which has no logarithm.
@@ -99,7 +100,7 @@ def _log_factors(drawn: pl.DataFrame, pairs: pl.DataFrame, value: str, draws: in
     return logs
 
 
-def _logs(values: Floats) -> Floats:
+def _logs(values: FloatArray) -> FloatArray:
     """Return logarithms, NaN where a value is not known or not positive."""
     logs = np.full(values.shape, np.nan)
     np.log(values, out=logs, where=values > 0)

@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.intervals import top_level
+from hrclog.analyzers.projections.intervals import top_level
 from hrclog.analyzers.synergy.pairs import in_seconds
 from hrclog.events import Outcome, Role
 

@@ -26,9 +26,9 @@ from hrclog.analyzers.drawing.layout import Layout, lay_out
 from hrclog.analyzers.drawing.marks import Inks, Pen
 from hrclog.analyzers.drawing.scale import Scale
 from hrclog.analyzers.drawing.svg import finished, stand_ins
-from hrclog.analyzers.figures.arrays import Pixels
 from hrclog.analyzers.figures.palette import DARK, LIGHT, Color, Role
 from hrclog.analyzers.figures.plot import Plot, Point
+from hrclog.arrays import ByteArray
 from hrclog.errors import OutputError
 
 _FILE_DPI: Final = 96  # px per inch in files
@@ -47,7 +47,7 @@ class Picture:
         area: left, top, right, bottom of the area between the axes, in px from the upper left corner.
     """
 
-    pixels: Pixels
+    pixels: ByteArray
     area: tuple[float, float, float, float]
 
     def at(self, plot: Plot, point: Point) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from hrclog.analyzers.drawing import shapes
 from hrclog.analyzers.drawing.fonts import legal
 from hrclog.analyzers.drawing.layout import Layout
 from hrclog.analyzers.drawing.sheet import Box, Circle, Label, Trace
-from hrclog.analyzers.figures.arrays import FloatArray
+from hrclog.arrays import FloatArray
 
 _MOST: Final = 2_000
 _REACH: Final = 8.0  # px across a line within which it is met

@@ -19,8 +19,8 @@ from hrclog.analyzers.drawing import shapes
 from hrclog.analyzers.drawing.fonts import font, is_wide
 from hrclog.analyzers.drawing.layout import Layout
 from hrclog.analyzers.drawing.sheet import Box, Circle, Label, Trace
-from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.palette import Paint
+from hrclog.arrays import FloatArray
 
 Rgb = tuple[float, float, float]
 Inks = Callable[[Paint], Rgb]

@@ -13,9 +13,9 @@ from hrclog.analyzers.drawing.fonts import LINE, balanced, fitted_all, one_line,
 from hrclog.analyzers.drawing.scale import Scale
 from hrclog.analyzers.drawing.shapes import Frame
 from hrclog.analyzers.drawing.sheet import Label, Sheet, Trace
-from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.palette import Paint
 from hrclog.analyzers.figures.plot import Anchor, Axis, Plot
+from hrclog.arrays import FloatArray
 
 NAME: Final = 13.0
 NUMBER: Final = 12.0

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.plot import Axis
+from hrclog.arrays import FloatArray
 
 _FARTHEST: Final = 1e5  # px; beyond it, back ends lose count
 _MANY_SPANS: Final = 1e9  # of an axis; beyond it, px lie beyond the farthest too

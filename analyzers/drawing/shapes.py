@@ -11,9 +11,9 @@ import numpy as np
 from hrclog.analyzers.drawing.fonts import one_line
 from hrclog.analyzers.drawing.scale import Scale
 from hrclog.analyzers.drawing.sheet import Bounds, Box, Circle, Label, Trace
-from hrclog.analyzers.figures.arrays import BoolArray, FloatArray
 from hrclog.analyzers.figures.palette import Paint
 from hrclog.analyzers.figures.plot import Plot, Stroke, Text
+from hrclog.arrays import BoolArray, FloatArray
 
 EMPTY: Final = "nothing observed"
 

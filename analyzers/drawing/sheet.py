@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hrclog.analyzers.drawing.fonts import LINE, RISE, text_reach, text_width
-from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.palette import Paint
 from hrclog.analyzers.figures.plot import Anchor
+from hrclog.arrays import FloatArray
 
 Bounds = tuple[float, float, float, float]
 """Left, top, right, bottom."""

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.arrays import FloatArray
 from hrclog.analyzers.figures.text import shorten
+from hrclog.arrays import FloatArray
 from hrclog.events import Outcome, Role
 
 MAX_BOXES: Final = 40

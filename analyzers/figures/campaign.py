@@ -22,7 +22,7 @@ from hrclog.analyzers.figures.plot import Page
 from hrclog.analyzers.figures.settling import duration_curves, settling_curves, settling_heatmaps
 from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
 from hrclog.analyzers.figures.table import DataTable
-from hrclog.analyzers.schemas import METRICS, PLAN_LABELS, SETTLING, SETTLING_DURATIONS
+from hrclog.analyzers.projections.schemas import METRICS, PLAN_LABELS, SETTLING, SETTLING_DURATIONS
 from hrclog.diagnostic import Diagnostic
 
 MAX_AGENT_PAIRS: Final = 12

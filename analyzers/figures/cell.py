@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.arrays import FloatArray, IntArray
 from hrclog.analyzers.figures.palette import CARD, FAILED, REDUCED, Color, blend
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.figures.thinning import worth_drawing
 from hrclog.analyzers.figures.urdf import Urdf, drawable
+from hrclog.arrays import FloatArray, IntArray
 from hrclog.log.channels import topic_name
 from hrclog.log.recorded_scene import RunScene
 from hrclog.scene import Area, Base, Box, Scene, Slot

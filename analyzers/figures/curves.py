@@ -13,7 +13,7 @@ import numpy as np
 
 from hrclog.analyzers.figures.palette import LINES, Color
 from hrclog.analyzers.figures.plot import WIDE, Axis, Band, Dot, Plot, Stroke, Text
-from hrclog.analyzers.synergy.log_work import Floats
+from hrclog.arrays import FloatArray
 
 MAX_CURVES: Final = 8
 
@@ -227,7 +227,7 @@ def _apart(values: Sequence[float], y: Axis) -> list[float]:
     gap = _LINE_PX / _HEIGHT
     order = np.argsort(shares, kind="stable")
     wanted = shares[order] - gap * np.arange(len(values))
-    blocks: list[Floats] = []
+    blocks: list[FloatArray] = []
     for value in wanted:
         blocks.append(np.array([value]))
         while len(blocks) > 1 and blocks[-2].mean() > blocks[-1].mean():

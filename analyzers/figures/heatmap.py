@@ -9,8 +9,8 @@ from typing import Final, Literal
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.arrays import BoolArray, FloatArray
 from hrclog.analyzers.figures.palette import Paint, diverging, sequential
+from hrclog.arrays import BoolArray, FloatArray
 
 MAX_SIDE: Final = 40
 _WIDEST: Final = 4.0

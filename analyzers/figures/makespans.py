@@ -9,7 +9,7 @@ import polars as pl
 from hrclog.analyzers.figures.palette import MARK
 from hrclog.analyzers.figures.plot import WIDE, Axis, Band, Dot, Key, Plot, Stroke
 from hrclog.analyzers.figures.rows import Row, evenly, rows_plot, span
-from hrclog.analyzers.mean_interval import mean_interval
+from hrclog.analyzers.projections.mean_interval import mean_interval
 from hrclog.events import Outcome
 
 MAX_GROUPS: Final = 30

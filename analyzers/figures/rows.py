@@ -9,13 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from hrclog.analyzers.figures.arrays import IntArray
 from hrclog.analyzers.figures.palette import CARD, MARK, WHITE
 from hrclog.analyzers.figures.plot import NAMELESS, WIDE, Axis, Dot, Key, Plot, Rect, Stroke
 from hrclog.analyzers.figures.series import BEYOND
 from hrclog.analyzers.figures.text import shorten
-from hrclog.analyzers.mean_interval import mean_interval
-from hrclog.analyzers.synergy.log_work import Floats
+from hrclog.analyzers.projections.mean_interval import mean_interval
+from hrclog.arrays import FloatArray, IntArray
 
 MAX_DOTS: Final = 500
 """Dots of a row."""
@@ -49,7 +48,7 @@ class _Drawn:
 
     top: float
     row: Row
-    values: Floats
+    values: FloatArray
     labels: tuple[str, ...]
     mean: float
     low: float | None
@@ -115,7 +114,7 @@ def rows_plot(
     )
 
 
-def span(values: Floats, ends: Sequence[float]) -> tuple[float, float]:
+def span(values: FloatArray, ends: Sequence[float]) -> tuple[float, float]:
     """Return an axis that holds all values, and ends of intervals unless they are far beyond them.
 
     Args:
@@ -130,9 +129,9 @@ def span(values: Floats, ends: Sequence[float]) -> tuple[float, float]:
     return max(low - pad, -sys.float_info.max), min(high + pad, sys.float_info.max)
 
 
-def spread(count: int) -> Floats:
+def spread(count: int) -> FloatArray:
     """Return offsets from -1 to 1 by which dots of near values stand apart, shape (count,); always the same ones."""
-    offsets: Floats = 2 * ((np.arange(count, dtype=np.float64) + 0.5) * _GOLDEN % 1.0) - 1
+    offsets: FloatArray = 2 * ((np.arange(count, dtype=np.float64) + 0.5) * _GOLDEN % 1.0) - 1
     return offsets
 
 

@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.arrays import IntArray
 from hrclog.analyzers.figures.cell import CellFigure, cell_figure
 from hrclog.analyzers.figures.events import EventLines, event_lines, pauses, safety_lanes
 from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, legend, limited
 from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales, without_echoes
 from hrclog.analyzers.figures.table import DataTable
+from hrclog.arrays import IntArray
 from hrclog.log.recorded_scene import RunScene
 
 _KINDS: Final = {"done": 0, "planned": 1, "safety": 2}

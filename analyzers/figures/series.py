@@ -10,11 +10,11 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.busy import BusyTime
-from hrclog.analyzers.figures.arrays import FloatArray, IntArray
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.figures.thinning import extremes, worth_drawing
-from hrclog.analyzers.metrics import MINIMUM_DISTANCE
+from hrclog.analyzers.projections.busy import BusyTime
+from hrclog.analyzers.projections.metrics import MINIMUM_DISTANCE
+from hrclog.arrays import FloatArray, IntArray
 
 MAX_SERIES: Final = 24
 MAX_SAMPLES: Final = 50_000

@@ -16,7 +16,7 @@ from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
 from hrclog.analyzers.figures.plot import Plot, Steps
 from hrclog.analyzers.figures.synergy_heatmap import agent_names, synergy_heatmaps, with_estimator
 from hrclog.analyzers.figures.text import shorten_apart
-from hrclog.analyzers.overlaps import PAIR
+from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.pairs import OK
 
 HOW_TO_READ_CURVES: Final = (

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from hrclog.analyzers.figures.arrays import IntArray
 from hrclog.analyzers.figures.text import markdown_escape, shorten
+from hrclog.arrays import IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

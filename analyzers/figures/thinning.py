@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from hrclog.analyzers.figures.arrays import FloatArray, IntArray
+from hrclog.arrays import FloatArray, IntArray
 
 PERIOD_NS: Final = 40_000_000
 """Of what moves in a picture."""

@@ -11,8 +11,8 @@ import polars as pl
 
 from hrclog.analyzers.figures.events import pauses
 from hrclog.analyzers.figures.series import Series, overlaps_so_far
-from hrclog.analyzers.intervals import rebuild, top_level
-from hrclog.analyzers.schemas import INTERVALS
+from hrclog.analyzers.projections.intervals import rebuild, top_level
+from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.events import TASK_KINDS, Outcome
 from hrclog.log.message import EVENTS
 

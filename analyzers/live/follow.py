@@ -11,13 +11,13 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.analysis import Analysis
 from hrclog.analyzers.figures import run_figures
-from hrclog.analyzers.intervals import rebuild
 from hrclog.analyzers.live.journal import LiveJournal
 from hrclog.analyzers.live.statistics import EndedRuns, Statistics
-from hrclog.analyzers.rerun_live import CampaignStream, RunStream
-from hrclog.analyzers.runs import runs
+from hrclog.analyzers.live.streams import CampaignStream, RunStream
+from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.analyzers.projections.runs import runs
+from hrclog.analyzers.result import Analysis
 from hrclog.errors import LogReadError
 from hrclog.log.files import exists
 from hrclog.log.reader import Logs, read_log

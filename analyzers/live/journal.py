@@ -10,10 +10,10 @@ from typing import Final
 import polars as pl
 
 from hrclog.analyzers.figures import run_figures
-from hrclog.analyzers.intervals import rebuild
 from hrclog.analyzers.live.run import LiveRun
-from hrclog.analyzers.rerun_live import RunStream
-from hrclog.analyzers.runs import runs
+from hrclog.analyzers.live.streams import RunStream
+from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.analyzers.projections.runs import runs
 from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
 from hrclog.log.files import exists

@@ -17,7 +17,7 @@ import polars as pl
 
 from hrclog.analyzers.figures.gantt import Bar, Lane, LaneKind, execution_lanes, state_changes
 from hrclog.analyzers.figures.palette import Color
-from hrclog.analyzers.schemas import INTERVALS
+from hrclog.analyzers.projections.schemas import INTERVALS
 
 LaneKey = tuple[str, LaneKind, int]
 """Agent, kind and number of a lane."""

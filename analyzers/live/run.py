@@ -19,8 +19,8 @@ from hrclog.analyzers.live.cell import LiveCell
 from hrclog.analyzers.live.executions import LiveExecutions
 from hrclog.analyzers.live.lanes import LaneKey, LaneNews, LiveLanes
 from hrclog.analyzers.live.lines import LiveLines
-from hrclog.analyzers.runs import runs
-from hrclog.analyzers.schemas import INTERVALS
+from hrclog.analyzers.projections.runs import runs
+from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.events import UNKNOWN_OUTCOME
 from hrclog.log.checks import usable
 from hrclog.log.message import EVENTS

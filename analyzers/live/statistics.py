@@ -9,9 +9,10 @@ from pathlib import Path
 
 import polars as pl
 
-from hrclog.analyzers.analysis import Analysis, analyze_logs
-from hrclog.analyzers.metrics import MINIMUM_DISTANCE
-from hrclog.analyzers.schemas import SIGNALS
+from hrclog.analyzers.analysis import analyze_logs
+from hrclog.analyzers.projections.metrics import MINIMUM_DISTANCE
+from hrclog.analyzers.projections.schemas import SIGNALS
+from hrclog.analyzers.result import Analysis
 from hrclog.diagnostic import Diagnostic
 from hrclog.log.checks import check_events, usable, without_copies
 from hrclog.log.message import EVENTS

@@ -11,13 +11,14 @@ from typing import Final
 import numpy as np
 
 from hrclog.analyzers.prediction.folds import folds
-from hrclog.analyzers.segments import AgentTask
+from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.aft import aft
 from hrclog.analyzers.synergy.exposures import exposures
 from hrclog.analyzers.synergy.fit import Fit
-from hrclog.analyzers.synergy.log_work import Floats, SampledLogWork
+from hrclog.analyzers.synergy.log_work import SampledLogWork
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.arrays import FloatArray
 
 FOLDS: Final = 5
 FEWEST: Final = 19
@@ -43,9 +44,9 @@ def conformal(fit: Fit, observations: Observations, outliers: Outliers = "none")
     return replace(fit, models=models)
 
 
-def held_out_residuals(observations: Observations, outliers: Outliers = "none") -> dict[AgentTask, Floats]:
+def held_out_residuals(observations: Observations, outliers: Outliers = "none") -> dict[AgentTask, FloatArray]:
     """Return log W - mu of each task's successful executions, both from a fit without their run."""
-    found: dict[AgentTask, list[Floats]] = {}
+    found: dict[AgentTask, list[FloatArray]] = {}
     for held_out in folds(observations.runs, FOLDS, _SEED):
         models = aft(observations.without(held_out), outliers).models
         for data in exposures(observations.only(held_out)):

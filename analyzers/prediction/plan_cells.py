@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.intervals import counted
+from hrclog.analyzers.projections.intervals import counted
 
 _ITEM: Final = ("run_id", "agent", "item")
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from hrclog.analyzers.prediction.scoring_rules import HIGH, LOW
-from hrclog.analyzers.segments import AgentTask
+from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.log_work import LogWork, StudentLogWork
 
 _TASK_WEIGHT, _TASK_FREEDOM = 2.0, 4.0  # what the training runs are worth, in executions

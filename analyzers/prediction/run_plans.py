@@ -8,14 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.intervals import counted
-from hrclog.analyzers.planner.encoded import Encoded, encode_queues
-from hrclog.analyzers.planner.evaluate import evaluate
-from hrclog.analyzers.planner.worlds import Worlds
-from hrclog.analyzers.segments import AgentTask
+from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.joint_states import AgentTask
+from hrclog.analyzers.search.encoded import Encoded, encode_queues
+from hrclog.analyzers.search.evaluate import evaluate
+from hrclog.analyzers.search.worlds import Worlds
 from hrclog.analyzers.synergy.fit import TaskModel
-from hrclog.analyzers.synergy.log_work import Floats, expected_work_s
+from hrclog.analyzers.synergy.log_work import expected_work_s
 from hrclog.analyzers.synergy.pairs import in_seconds
+from hrclog.arrays import FloatArray
 
 ModelOf = Callable[[AgentTask, str], TaskModel | None]
 """Gives the model of an (agent, task) at a place of a plan; None where it was never seen to succeed."""
@@ -111,7 +112,7 @@ def _run_plan(items: pl.DataFrame) -> RunPlan:
     return RunPlan(replace(encoded, not_before_s=not_before), cells, float(items["end_s"].to_numpy().max()))
 
 
-def _instants(items: pl.DataFrame) -> Floats:
+def _instants(items: pl.DataFrame) -> FloatArray:
     """Return when each item of an agent may be begun."""
     instants = items["planned_s"].fill_null(0.0).to_numpy().copy()
     instants[0] = items["start_s"].to_numpy().min()

@@ -6,16 +6,16 @@ from typing import Final
 
 import numpy as np
 
-from hrclog.analyzers.synergy.log_work import Floats
+from hrclog.arrays import FloatArray
 
-LEVELS: Final[Floats] = (np.arange(100) + 0.5) / 100
+LEVELS: Final[FloatArray] = (np.arange(100) + 0.5) / 100
 """At which forecasts give quantiles."""
 
 LOW, HIGH = 0.05, 0.95
 """The ends of the 90 % interval."""
 
 
-def crps(quantiles: Floats, observed: float) -> float:
+def crps(quantiles: FloatArray, observed: float) -> float:
     """Return the continuous ranked probability score, twice the mean pinball loss; the unit is that of the forecast.
 
     Args:

@@ -17,13 +17,13 @@ from typing import Any, Final, Literal
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.learning import gaps
+from hrclog.analyzers.learning.learn import gaps
 from hrclog.analyzers.prediction.conformal import conformal
 from hrclog.analyzers.prediction.folds import folds
 from hrclog.analyzers.prediction.held_out import FORECASTS, MAKESPANS, HeldOut
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.prediction.residuals import Learning, Observed, Session
-from hrclog.analyzers.segments import AgentTask
+from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS
 from hrclog.analyzers.synergy.fit import TaskModel
 from hrclog.analyzers.synergy.log_work import SampledLogWork, widened

@@ -13,9 +13,8 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.segments import AgentTask, Segments, segments
-from hrclog.analyzers.synergy.log_work import Floats
-from hrclog.log.message import IntArray
+from hrclog.analyzers.projections.joint_states import AgentTask, Segments, segments
+from hrclog.arrays import FloatArray, IntArray
 
 # a forecast may not know how long its execution took: only very long runs are not looked through to their end
 _VERY_LONG: Final = 100  # intervals
@@ -33,18 +32,18 @@ class Timeline:
         log_factor: of each segment, shape (m,); 0 beyond.
     """
 
-    time_s: Floats
-    work_s: Floats
-    log_factor: Floats
+    time_s: FloatArray
+    work_s: FloatArray
+    log_factor: FloatArray
 
     def work_after(self, duration_s: float) -> float:
         """Return the work in seconds that is done after a duration."""
         beyond = max(duration_s - float(self.time_s[-1]), 0.0)
         return float(np.interp(duration_s, self.time_s, self.work_s)) + beyond
 
-    def time_for(self, work_s: Floats) -> Floats:
+    def time_for(self, work_s: FloatArray) -> FloatArray:
         """Return the durations in seconds after which some work is done, shape as given."""
-        found: Floats = np.interp(work_s, self.work_s, self.time_s) + np.maximum(work_s - self.work_s[-1], 0.0)
+        found: FloatArray = np.interp(work_s, self.work_s, self.time_s) + np.maximum(work_s - self.work_s[-1], 0.0)
         return found
 
     def log_factor_before(self, duration_s: float) -> float:

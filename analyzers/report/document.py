@@ -23,7 +23,7 @@ from hrclog.analyzers.report.tables import PageTable, page_table
 from hrclog.errors import HrclogError
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.result import Analysis
 
 DEFAULT_RUNS: Final = 4
 

@@ -10,14 +10,14 @@ import polars as pl
 
 from hrclog.analyzers.figures.makespans import NOT_SAID, complete_runs
 from hrclog.analyzers.figures.text import printable
-from hrclog.analyzers.plan_labels import plan_labels
+from hrclog.analyzers.projections.plan_labels import plan_labels
 from hrclog.analyzers.report.effects import effects
 from hrclog.analyzers.report.finding import Finding, counted, task_name
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
 from hrclog.diagnostic import Diagnostic
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.result import Analysis
 
 MOST_PLANNERS: Final = 5
 MOST_FAILING: Final = 3

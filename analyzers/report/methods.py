@@ -17,7 +17,7 @@ from hrclog.diagnostic import CODES, Severity
 from hrclog.knowledge.records import in_order, versions
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.result import Analysis
 
 _ESTIMATORS: Final = {
     "aft": (

@@ -14,8 +14,8 @@ from hrclog.analyzers.report.render import render
 from hrclog.errors import OutputError
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis
     from hrclog.analyzers.figures.plot import Plot
+    from hrclog.analyzers.result import Analysis
 
 PictureKind = Literal["png", "svg"]
 

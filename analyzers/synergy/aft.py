@@ -19,15 +19,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from hrclog.analyzers.segments import AgentTask
+from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.aft_likelihood import Posterior, Prior, expected_information, log_posterior
 from hrclog.analyzers.synergy.exposures import Exposure, exposures
 from hrclog.analyzers.synergy.fit import Covariance, Fit, TaskModel
-from hrclog.analyzers.synergy.log_work import Floats, NormalLogWork
+from hrclog.analyzers.synergy.log_work import NormalLogWork
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outliers import Outliers, inliers
 from hrclog.analyzers.synergy.pairs import synergy_table
 from hrclog.analyzers.synergy.regression import mean_durations
+from hrclog.arrays import FloatArray
 
 LEAST_IDLE: Final = 0.1
 """With less of its time beside an idle other agent, work on its own is not told from work beside it."""
@@ -54,13 +55,13 @@ class TaskFit:
     """
 
     data: Exposure
-    parameters: Floats
-    covariance: Floats
-    mean_covariance: Floats
+    parameters: FloatArray
+    covariance: FloatArray
+    mean_covariance: FloatArray
     spent: float
     freedom: float
 
-    def deviation(self, direction: Floats) -> float:
+    def deviation(self, direction: FloatArray) -> float:
         """Return the standard deviation of a combination of parameters, the larger that the two covariances give.
 
         Each alone knows too much somewhere: the Hessian leans on the shape of the noise, and the expected information
@@ -84,7 +85,7 @@ class TaskFit:
         return math.exp(self.parameters[1])
 
     @property
-    def log_s(self) -> Floats:
+    def log_s(self) -> FloatArray:
         """Return the log factors, shape (P,)."""
         return self.parameters[2:]
 
@@ -138,19 +139,19 @@ def fit_task(data: Exposure, prior: Prior) -> TaskFit:
     return TaskFit(data, parameters, covariance, mean_covariance, before, max(n + prior.freedom - before, 1.0))
 
 
-def _inverse(information: Floats) -> Floats:
-    inverse: Floats = np.linalg.inv(information).astype(np.float64, copy=False)
+def _inverse(information: FloatArray) -> FloatArray:
+    inverse: FloatArray = np.linalg.inv(information).astype(np.float64, copy=False)
     return inverse
 
 
-def _maximum(start: Floats, data: Exposure, prior: Prior, spent: float) -> Floats:
+def _maximum(start: FloatArray, data: Exposure, prior: Prior, spent: float) -> FloatArray:
     """Return where the log posterior is highest, uphill from a start."""
     from scipy.optimize import minimize
 
     scale = len(data.finished)
     last: dict[bytes, Posterior] = {}
 
-    def at(x: Floats) -> Posterior:
+    def at(x: FloatArray) -> Posterior:
         """Return all three at once: the optimizer asks for them one by one."""
         key = x.tobytes()
         if key not in last:
@@ -166,7 +167,7 @@ def _maximum(start: Floats, data: Exposure, prior: Prior, spent: float) -> Float
         method="trust-exact",
         options={"gtol": 1e-9},
     )
-    result: Floats = found.x
+    result: FloatArray = found.x
     return result
 
 

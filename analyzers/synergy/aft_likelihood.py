@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hrclog.analyzers.synergy.exposures import Exposure
-from hrclog.analyzers.synergy.log_work import Floats
+from hrclog.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,8 @@ class Posterior:
     """The log posterior at one point; shapes (), (2 + P,), (2 + P, 2 + P)."""
 
     value: float
-    gradient: Floats
-    hessian: Floats
+    gradient: FloatArray
+    hessian: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +57,16 @@ class _Derivatives:
     By symmetry the mixed derivatives with u are minus those with mu.
     """
 
-    value: Floats
-    mu: Floats
-    scale: Floats
-    u: Floats
-    mu_mu: Floats
-    mu_scale: Floats
-    scale_scale: Floats
+    value: FloatArray
+    mu: FloatArray
+    scale: FloatArray
+    u: FloatArray
+    mu_mu: FloatArray
+    mu_scale: FloatArray
+    scale_scale: FloatArray
 
 
-def log_posterior(parameters: Floats, data: Exposure, prior: Prior, spent: float = 0.0) -> Posterior:
+def log_posterior(parameters: FloatArray, data: Exposure, prior: Prior, spent: float = 0.0) -> Posterior:
     """Evaluate the log posterior.
 
     Args:
@@ -110,7 +110,7 @@ def log_posterior(parameters: Floats, data: Exposure, prior: Prior, spent: float
     return Posterior(float(value), gradient, hessian)
 
 
-def expected_information(parameters: Floats, data: Exposure, prior: Prior) -> Floats:
+def expected_information(parameters: FloatArray, data: Exposure, prior: Prior) -> FloatArray:
     """Return what the data and the prior say about the parameters through the mean of log work, shape (2 + P, 2 + P).
 
     This is the Hessian without the terms in which factors change the spread of durations: those lean on the shape of
@@ -138,7 +138,7 @@ def expected_information(parameters: Floats, data: Exposure, prior: Prior) -> Fl
     return information
 
 
-def _stretch(data: Exposure, log_work: Floats, log_s: Floats) -> float:
+def _stretch(data: Exposure, log_work: FloatArray, log_s: FloatArray) -> float:
     """Return the log of how much wider log durations spread than log work, the mean over finished executions."""
     if not data.finished.any():
         return 0.0
@@ -147,7 +147,9 @@ def _stretch(data: Exposure, log_work: Floats, log_s: Floats) -> float:
     return float(each[data.finished].mean())
 
 
-def _each(u: Floats, mu: float, log_sigma: float, finished: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> _Derivatives:
+def _each(
+    u: FloatArray, mu: float, log_sigma: float, finished: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> _Derivatives:
     from scipy.special import log_ndtr
 
     sigma = math.exp(log_sigma)
@@ -157,7 +159,7 @@ def _each(u: Floats, mu: float, log_sigma: float, finished: np.ndarray[tuple[int
     slope = hazard * (hazard - z)
     tilt = slope * z + hazard
 
-    def either(ended: Floats, censored: Floats) -> Floats:
+    def either(ended: FloatArray, censored: FloatArray) -> FloatArray:
         return np.where(finished, ended, censored)
 
     ones = np.ones_like(z)

@@ -21,12 +21,12 @@ from typing import Any, Final
 import numpy as np
 
 from hrclog.analyzers.synergy.fit import Covariance, Fit
-from hrclog.analyzers.synergy.log_work import Floats
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outliers import Outliers
 from hrclog.analyzers.synergy.pairs import synergy_table
 from hrclog.analyzers.synergy.regression import Regression, concurrent_shares
 from hrclog.analyzers.synergy.sampled_models import sampled_models
+from hrclog.arrays import FloatArray
 
 PRIOR_DEVIATION: Final = 0.5
 """Of log s."""
@@ -62,11 +62,11 @@ class Posterior:
         efficiency: effective share of the sample; a small one says that the moments are rough.
     """
 
-    mean: Floats
-    low: Floats
-    high: Floats
-    covariance: Floats
-    log_deviation: Floats
+    mean: FloatArray
+    low: FloatArray
+    high: FloatArray
+    covariance: FloatArray
+    log_deviation: FloatArray
     efficiency: float
 
 
@@ -74,33 +74,33 @@ class Posterior:
 class _Problem:
     """SS(s) = least + |R (s - best)|^2."""
 
-    root: Floats
-    best: Floats
+    root: FloatArray
+    best: FloatArray
     least: float
     shape: float  # a
 
-    def log_density(self, log_s: Floats) -> Floats:
+    def log_density(self, log_s: FloatArray) -> FloatArray:
         """Return the log posterior of log s, shape (m,) for (m, p)."""
         squares = self._squares(log_s)
         prior = -0.5 * (log_s**2).sum(axis=1) / PRIOR_DEVIATION**2
-        density: Floats = prior - self.shape * np.log(squares) + log_upper_gamma(self.shape, squares / 8)
+        density: FloatArray = prior - self.shape * np.log(squares) + log_upper_gamma(self.shape, squares / 8)
         return density
 
-    def precision(self, log_s: Floats) -> float:
+    def precision(self, log_s: FloatArray) -> float:
         """Return the expected 1 / sigma^2 at a point, shape (p,): minus twice the slope of the log likelihood by SS."""
         squares = self._squares(log_s[None])
         x = squares / (2 * LARGEST_SIGMA_S**2)
         slope = self.shape / squares + np.exp((self.shape - 1) * np.log(x) - x - log_upper_gamma(self.shape, x)) / 8
         return float(2 * slope[0])
 
-    def gradient(self, log_s: Floats) -> Floats:
+    def gradient(self, log_s: FloatArray) -> FloatArray:
         """Return the gradient of the log posterior at a point, shape (p,)."""
         s = np.exp(log_s)
-        pull: Floats = self.precision(log_s) * s * (self.root.T @ (self.root @ (s - self.best)))
+        pull: FloatArray = self.precision(log_s) * s * (self.root.T @ (self.root @ (s - self.best)))
         return -pull - log_s / PRIOR_DEVIATION**2
 
-    def _squares(self, log_s: Floats) -> Floats:
-        squares: Floats = self.least + (((np.exp(log_s) - self.best) @ self.root.T) ** 2).sum(axis=1)
+    def _squares(self, log_s: FloatArray) -> FloatArray:
+        squares: FloatArray = self.least + (((np.exp(log_s) - self.best) @ self.root.T) ** 2).sum(axis=1)
         return squares
 
 
@@ -132,7 +132,7 @@ def is_known(result: Posterior) -> bool:
     return result.efficiency >= _LEAST_EFFICIENT
 
 
-def posterior(x: Floats, y: Floats) -> Posterior:
+def posterior(x: FloatArray, y: FloatArray) -> Posterior:
     """Return the posterior of s.
 
     Args:
@@ -158,7 +158,7 @@ def posterior(x: Floats, y: Floats) -> Posterior:
     return Posterior(mean, low, high, _covariance(s, weights, mean), deviation, efficiency)
 
 
-def log_upper_gamma(shape: float, x: Floats) -> Floats:
+def log_upper_gamma(shape: float, x: FloatArray) -> FloatArray:
     """Return log Gamma(a, x), the upper incomplete gamma function, also where it underflows.
 
     Args:
@@ -168,14 +168,14 @@ def log_upper_gamma(shape: float, x: Floats) -> Floats:
     from scipy.special import exp1, gammaincc, gammaln
 
     with np.errstate(divide="ignore"):
-        found: Floats = np.log(exp1(x)) if shape == 0 else np.log(gammaincc(shape, x)) + gammaln(shape)
+        found: FloatArray = np.log(exp1(x)) if shape == 0 else np.log(gammaincc(shape, x)) + gammaln(shape)
     tiny = found - (gammaln(shape) if shape else 0.0) < -600
     if tiny.any():
         found[tiny] = _by_fraction(shape, x[tiny])
     return found
 
 
-def _by_fraction(shape: float, x: Floats) -> Floats:
+def _by_fraction(shape: float, x: FloatArray) -> FloatArray:
     """Evaluate Legendre's continued fraction by Lentz's method; it converges fast for x well above a."""
     b = x + 1 - shape
     c = np.full_like(x, 1e300)
@@ -189,19 +189,19 @@ def _by_fraction(shape: float, x: Floats) -> Floats:
         h *= c * d
         if np.all(np.abs(c * d - 1) < 1e-14):
             break
-    result: Floats = np.log(h) - x + shape * np.log(x)
+    result: FloatArray = np.log(h) - x + shape * np.log(x)
     return result
 
 
-def _problem(x: Floats, y: Floats) -> _Problem:
-    best: Floats = np.linalg.lstsq(x, y, rcond=1e-10)[0].astype(np.float64)
+def _problem(x: FloatArray, y: FloatArray) -> _Problem:
+    best: FloatArray = np.linalg.lstsq(x, y, rcond=1e-10)[0].astype(np.float64)
     root = np.linalg.qr(x, mode="r")
     residual = y - x @ best
     least = float(residual @ residual) + len(y) * _RESOLUTION_S**2
     return _Problem(np.asarray(root, np.float64), best, least, (len(y) - 1) / 2)
 
 
-def _mode(problem: _Problem) -> tuple[Floats, Floats]:
+def _mode(problem: _Problem) -> tuple[FloatArray, FloatArray]:
     """Return where log s is likeliest, and a covariance there."""
     from scipy.optimize import minimize
 
@@ -217,7 +217,9 @@ def _mode(problem: _Problem) -> tuple[Floats, Floats]:
     return found.x, np.linalg.inv(information)
 
 
-def _sample(problem: _Problem, center: Floats, covariance: Floats, log2_points: int) -> tuple[Floats, Floats]:
+def _sample(
+    problem: _Problem, center: FloatArray, covariance: FloatArray, log2_points: int
+) -> tuple[FloatArray, FloatArray]:
     """Return points of log s (m, p) and their weights (m,), which sum to 1."""
     from scipy.special import gammaincinv, ndtri
     from scipy.stats.qmc import Sobol
@@ -234,20 +236,20 @@ def _sample(problem: _Problem, center: Floats, covariance: Floats, log2_points: 
     return log_s, weight / weight.sum()
 
 
-def _root(covariance: Floats) -> Floats:
+def _root(covariance: FloatArray) -> FloatArray:
     """Return the symmetric root of a covariance, which rounding may have made indefinite."""
     values, vectors = np.linalg.eigh(covariance)
-    result: Floats = (vectors * np.sqrt(values.clip(1e-12 * values.max()))) @ vectors.T
+    result: FloatArray = (vectors * np.sqrt(values.clip(1e-12 * values.max()))) @ vectors.T
     return result
 
 
-def _covariance(values: Floats, weights: Floats, center: Floats) -> Floats:
+def _covariance(values: FloatArray, weights: FloatArray, center: FloatArray) -> FloatArray:
     apart = values - center
-    result: Floats = (apart.T * weights) @ apart
+    result: FloatArray = (apart.T * weights) @ apart
     return result
 
 
-def _quantiles(values: Floats, weights: Floats, levels: tuple[float, ...]) -> Floats:
+def _quantiles(values: FloatArray, weights: FloatArray, levels: tuple[float, ...]) -> FloatArray:
     """Return weighted quantiles, shape (levels, p)."""
     found = []
     for column in values.T:

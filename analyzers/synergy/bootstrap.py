@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.overlaps import PAIR
+from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations

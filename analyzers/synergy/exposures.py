@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import polars as pl
 
-from hrclog.analyzers.segments import AgentTask
-from hrclog.analyzers.synergy.log_work import Floats
+from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.observations import Observations
-from hrclog.log.message import IntArray
+from hrclog.arrays import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,24 +30,24 @@ class Exposure:
     key: AgentTask
     others: tuple[AgentTask, ...]
     seconds: Any  # scipy.sparse.csr_array: scipy has no types
-    members: Floats
+    members: FloatArray
     last: IntArray
-    finished: npt.NDArray[np.bool_]
+    finished: BoolArray
 
-    def work(self, log_factors: Floats) -> Floats:
+    def work(self, log_factors: FloatArray) -> FloatArray:
         """Return W = sum over states of seconds / product of the factors in it, shape (K,).
 
         Args:
             log_factors: log s of `others`, shape (P,).
         """
-        work: Floats = self.seconds @ np.exp(-(self.members @ log_factors))
+        work: FloatArray = self.seconds @ np.exp(-(self.members @ log_factors))
         return work
 
-    def log_factors(self, factors: Mapping[AgentTask, float]) -> Floats:
+    def log_factors(self, factors: Mapping[AgentTask, float]) -> FloatArray:
         """Return log factors in the order of `others`, 0 where none is known."""
         return np.array([factors.get(other, 0.0) for other in self.others], np.float64)
 
-    def rows(self, kept: npt.NDArray[np.bool_]) -> Exposure:
+    def rows(self, kept: BoolArray) -> Exposure:
         """Return some of the executions.
 
         Args:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import polars as pl
 
-from hrclog.analyzers.segments import AgentTask
-from hrclog.analyzers.synergy.log_work import Floats, LogWork
+from hrclog.analyzers.projections.joint_states import AgentTask
+from hrclog.analyzers.synergy.log_work import LogWork
+from hrclog.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class Covariance:
     """
 
     parameters: tuple[str | tuple[str, str, str, str], ...]
-    matrix: Floats
+    matrix: FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from hrclog.arrays import BoolArray, FloatArray
 
 _RANK_TOLERANCE: Final = 1e-10  # of the largest singular value, columns scaled to unit length
 
@@ -17,25 +16,25 @@ _RANK_TOLERANCE: Final = 1e-10  # of the largest singular value, columns scaled 
 class LeastSquares:
     """A fit; NaN where a number is not identified. Shapes (p,), the covariance (p, p)."""
 
-    coefficients: Floats
-    std_errors: Floats
-    low: Floats
-    high: Floats
-    identified: npt.NDArray[np.bool_]
-    covariance: Floats
+    coefficients: FloatArray
+    std_errors: FloatArray
+    low: FloatArray
+    high: FloatArray
+    identified: BoolArray
+    covariance: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class _Solution:
     """Coefficients, a root F of (X'X)^-1 = F F', the rank, and what is identified."""
 
-    coefficients: Floats
-    root: Floats
+    coefficients: FloatArray
+    root: FloatArray
     rank: int
-    identified: npt.NDArray[np.bool_]
+    identified: BoolArray
 
 
-def fit(x: Floats, y: Floats) -> LeastSquares:
+def fit(x: FloatArray, y: FloatArray) -> LeastSquares:
     """Fit y = X s and return s, its usual standard errors and Student 95 % intervals.
 
     sigma^2 = |y - X s|^2 / (n - rank), cov = sigma^2 (X'X)^-1. A coefficient is identified when no direction in which
@@ -64,7 +63,7 @@ def fit(x: Floats, y: Floats) -> LeastSquares:
     )
 
 
-def _by_qr(unit: Floats, y: Floats) -> _Solution | None:
+def _by_qr(unit: FloatArray, y: FloatArray) -> _Solution | None:
     """Solve by QR where X has full rank beyond doubt, else return None; ten times faster than by SVD.
 
     |R| and |R^-1| (Frobenius) bound the largest and the inverse of the smallest singular value.
@@ -81,7 +80,7 @@ def _by_qr(unit: Floats, y: Floats) -> _Solution | None:
     return _Solution(inverse @ (q.T @ y), inverse, p, np.ones(p, np.bool_))
 
 
-def _by_svd(unit: Floats, y: Floats) -> _Solution:
+def _by_svd(unit: FloatArray, y: FloatArray) -> _Solution:
     """Solve by singular values, leaving out the directions in which X is blind."""
     u, singular, vt = np.linalg.svd(unit, full_matrices=False)
     keep = singular > _RANK_TOLERANCE * singular.max()

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from hrclog.arrays import FloatArray
 
 _LEVELS: Final = (np.arange(99) + 0.5) / 99
 _SMALLEST_DEVIATION: Final = 1e-6  # identical durations have no density
@@ -18,10 +17,10 @@ _SMALLEST_DEVIATION: Final = 1e-6  # identical durations have no density
 class LogWork(Protocol):
     """A distribution of log work; work in seconds."""
 
-    def quantile(self, levels: Floats) -> Floats:
+    def quantile(self, levels: FloatArray) -> FloatArray:
         """Return quantiles, shape as given; levels within (0, 1)."""
 
-    def log_density(self, values: Floats) -> Floats:
+    def log_density(self, values: FloatArray) -> FloatArray:
         """Return the log density at values, shape as given."""
 
     @property
@@ -40,14 +39,14 @@ class NormalLogWork:
     center: float
     deviation: float
 
-    def quantile(self, levels: Floats) -> Floats:
+    def quantile(self, levels: FloatArray) -> FloatArray:
         """Return normal quantiles."""
         from scipy.special import ndtri
 
-        found: Floats = self.center + self.deviation * ndtri(levels)
+        found: FloatArray = self.center + self.deviation * ndtri(levels)
         return found
 
-    def log_density(self, values: Floats) -> Floats:
+    def log_density(self, values: FloatArray) -> FloatArray:
         """Return the normal log density."""
         z = (values - self.center) / self.deviation
         return -0.5 * z * z - math.log(self.deviation) - 0.5 * math.log(2 * math.pi)
@@ -62,14 +61,14 @@ class SampledLogWork:
         conformal: whether quantiles are those of a new draw, at rank q (n + 1) (Vovk et al. 2005), or of the sample.
     """
 
-    values: Floats
+    values: FloatArray
     conformal: bool = False
 
-    def quantile(self, levels: Floats) -> Floats:
+    def quantile(self, levels: FloatArray) -> FloatArray:
         """Return quantiles of the sample, linear between its values."""
         return np.quantile(self.values, levels, method="weibull" if self.conformal else "linear")
 
-    def log_density(self, values: Floats) -> Floats:
+    def log_density(self, values: FloatArray) -> FloatArray:
         """Return the log density of the normal with the sample's moments; a sample itself has none."""
         return NormalLogWork(self.center, self.deviation).log_density(values)
 
@@ -92,14 +91,14 @@ class StudentLogWork:
     scale: float
     freedom: float
 
-    def quantile(self, levels: Floats) -> Floats:
+    def quantile(self, levels: FloatArray) -> FloatArray:
         """Return Student quantiles."""
         from scipy.special import stdtrit
 
-        found: Floats = self.center + self.scale * stdtrit(self.freedom, levels)
+        found: FloatArray = self.center + self.scale * stdtrit(self.freedom, levels)
         return found
 
-    def log_density(self, values: Floats) -> Floats:
+    def log_density(self, values: FloatArray) -> FloatArray:
         """Return the Student log density."""
         nu, z = self.freedom, (values - self.center) / self.scale
         constant = math.lgamma((nu + 1) / 2) - math.lgamma(nu / 2) - 0.5 * math.log(nu * math.pi)

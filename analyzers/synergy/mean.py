@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from hrclog.analyzers.overlaps import PAIR
+from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outliers import Outliers

@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.intervals import counted
-from hrclog.analyzers.segments import State, segments
+from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.joint_states import State, segments
 from hrclog.analyzers.synergy.pairs import in_seconds, overlapping_pairs, successful
+from hrclog.arrays import IntArray
 from hrclog.errors import HrclogError
-from hrclog.log.message import IntArray
 
 EXECUTIONS: Final = pl.Schema(
     {

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final, Literal
 
 import numpy as np
-import numpy.typing as npt
+
+from hrclog.arrays import BoolArray, FloatArray
 
 Outliers = Literal["none", "isolation-forest"]
 
@@ -13,7 +14,7 @@ _SEED: Final = 0
 _FEWEST: Final = 2  # a forest of a single sample isolates nothing
 
 
-def inliers(y: npt.NDArray[np.float64], method: Outliers) -> npt.NDArray[np.bool_]:
+def inliers(y: FloatArray, method: Outliers) -> BoolArray:
     """Return which rows to keep, shape (n,); all of them where none stands out.
 
     The isolation forest (Liu et al. 2008) is fitted on y alone, as the paper's authors do. It drops rows from both
@@ -27,5 +28,5 @@ def inliers(y: npt.NDArray[np.float64], method: Outliers) -> npt.NDArray[np.bool
         return np.ones(len(y), np.bool_)
     from sklearn.ensemble import IsolationForest
 
-    kept: npt.NDArray[np.bool_] = IsolationForest(random_state=_SEED).fit_predict(y[:, None]) == 1
+    kept: BoolArray = IsolationForest(random_state=_SEED).fit_predict(y[:, None]) == 1
     return kept if kept.any() else ~kept  # it calls all outliers where all are equal

@@ -7,9 +7,9 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.analyzers.intervals import counted
-from hrclog.analyzers.overlaps import PAIR, overlaps, task_pairs
-from hrclog.analyzers.schemas import OVERLAPS, SYNERGIES
+from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.overlaps import PAIR, overlaps, task_pairs
+from hrclog.analyzers.projections.schemas import OVERLAPS, SYNERGIES
 from hrclog.events import Outcome
 
 SPARSE_BELOW: Final = 5

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.overlaps import PAIR
-from hrclog.analyzers.synergy.log_work import Floats
+from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outliers import Outliers, inliers
+from hrclog.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +36,8 @@ class Regression:
     """
 
     keys: tuple[tuple[str, str, str, str], ...]
-    x: Floats
-    y: Floats
+    x: FloatArray
+    y: FloatArray
 
 
 def concurrent_shares(observations: Observations, outliers: Outliers) -> Iterator[Regression]:
@@ -89,7 +89,7 @@ def _regressions(
 
 def _matrices(
     part: pl.DataFrame, other: str, mean_of: dict[tuple[str, str], float]
-) -> tuple[Floats, Floats, list[str]]:
+) -> tuple[FloatArray, FloatArray, list[str]]:
     """Return X (n, p), y (n,) and the concurrent tasks (p,) of one regression."""
     wide = part.with_columns(
         pl.struct("run_id", "execution_id").rank("dense").sub(1).alias("k"),

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.segments import AgentTask
+from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.exposures import exposures
 from hrclog.analyzers.synergy.fit import TaskModel
 from hrclog.analyzers.synergy.log_work import SampledLogWork

@@ -19,7 +19,7 @@ from hrclog.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.result import Analysis
     from hrclog.analyzers.synergy.outliers import Outliers
 
 

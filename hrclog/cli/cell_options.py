@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hrclog.sim.cell import LOOKS_HZ
+from hrclog.sim.cell.description import LOOKS_HZ
+from hrclog.sim.cell.safety_settings import POLICIES
 from hrclog.sim.engine import ENGINES
-from hrclog.sim.safety_settings import POLICIES
 
 if TYPE_CHECKING:
     from hrclog.sim.scenario import Scenario
@@ -53,7 +53,7 @@ def chosen_scenario(name: str, engine: str, safety: str | None, signals_hz: floa
         raise click.UsageError(f"--signals-hz: found {signals_hz}, expected a number from 0 to {LOOKS_HZ:g}")
     scenario = load_scenario(name)
     if safety is not None or signals_hz is not None:
-        from hrclog.sim.bullet import with_policy, with_signals
+        from hrclog.sim.bullet.engine import with_policy, with_signals
 
         scenario = scenario if safety is None else with_policy(scenario, safety)
         scenario = scenario if signals_hz is None else with_signals(scenario, signals_hz)

@@ -20,10 +20,10 @@ def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:  # noqa:
     Example:
       hrclog check --strict runs/*.mcap
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.diagnostics import lint
-    from hrclog.analyzers.intervals import rebuild
-    from hrclog.analyzers.overlaps import overlaps
-    from hrclog.analyzers.runs import runs
+    from hrclog.analyzers.projections.diagnostics import lint
+    from hrclog.analyzers.projections.intervals import rebuild
+    from hrclog.analyzers.projections.overlaps import overlaps
+    from hrclog.analyzers.projections.runs import runs
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")

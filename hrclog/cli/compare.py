@@ -23,8 +23,8 @@ from hrclog.cli.common import (
 if TYPE_CHECKING:
     import polars as pl
 
-    from hrclog.analyzers.analysis import Analysis
-    from hrclog.analyzers.compare import Comparison, Side
+    from hrclog.analyzers.comparison.compare import Comparison, Side
+    from hrclog.analyzers.result import Analysis
     from hrclog.analyzers.synergy.outliers import Outliers
 
 JSON_NAME: Final = "compare.json"
@@ -61,7 +61,7 @@ def command(
       hrclog compare 'runs/baseline_*.mcap' 'runs/synergistic_*.mcap'
     """  # noqa: D301 - click's \b keeps the line breaks
     from hrclog.analyzers.analysis import analyze
-    from hrclog.analyzers.compare import compare
+    from hrclog.analyzers.comparison.compare import compare
     from hrclog.analyzers.output import check_writable
 
     if len(sides) != 2:

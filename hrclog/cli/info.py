@@ -54,8 +54,8 @@ def _files(read: Logs) -> list[dict[str, Any]]:
 def _runs(read: Logs) -> list[dict[str, Any]]:
     import polars as pl
 
-    from hrclog.analyzers.intervals import intervals
-    from hrclog.analyzers.runs import runs
+    from hrclog.analyzers.projections.intervals import intervals
+    from hrclog.analyzers.projections.runs import runs
 
     events = read.events.group_by("run_id").agg(
         pl.len().alias("n_events"), pl.col("time_ns").min().alias("first_ns"), pl.col("time_ns").max().alias("last_ns")

@@ -14,7 +14,7 @@ from hrclog.cli.common import EXIT_FINE, Progress, json_option, logs_argument, p
 from hrclog.cli.known_times import VARIABLE
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.knowledge import Ingested
+    from hrclog.analyzers.learning.ingest import Ingested
     from hrclog.analyzers.synergy.outliers import Outliers
     from hrclog.knowledge.base import KnowledgeBase
 
@@ -83,7 +83,7 @@ def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: s
     Example:
       hrclog kb update runs/*.mcap --kb kb.sqlite
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.knowledge import Ingested, update_statistics
+    from hrclog.analyzers.learning.ingest import Ingested, update_statistics
 
     with _opened(where, create=bool(logs)) as kb:
         found = _ingest(kb, logs) if logs else Ingested()
@@ -127,7 +127,7 @@ def withdraw(run: str, where: str, reason: str, undo: bool, as_json: bool) -> in
     Example:
       hrclog kb withdraw paper_0003 --reason "the gripper was loose" --kb kb.sqlite
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.knowledge import update_statistics
+    from hrclog.analyzers.learning.ingest import update_statistics
 
     if undo and reason:
         raise click.UsageError("--reason does not go with --undo")
@@ -188,7 +188,7 @@ def import_(source: Path, where: str, as_json: bool) -> int:  # noqa: FBT001 - c
     Example:
       hrclog kb import exported --kb kb.sqlite
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.knowledge import update_statistics
+    from hrclog.analyzers.learning.ingest import update_statistics
     from hrclog.cli.kb_import import import_folder
 
     with _opened(where, create=True) as kb:
@@ -212,7 +212,7 @@ def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: 
     Example:
       hrclog kb rebuild runs/*.mcap --kb kb.sqlite
     """  # noqa: D301 - click's \b keeps the line breaks
-    from hrclog.analyzers.knowledge import rebuild as rebuild_from
+    from hrclog.analyzers.learning.ingest import rebuild as rebuild_from
 
     reading = Progress("reading logs")
     with _opened(where, create=True) as kb:
@@ -234,7 +234,7 @@ def _opened(where: str, *, create: bool = False) -> Iterator[KnowledgeBase]:
 
 
 def _ingest(kb: KnowledgeBase, logs: tuple[str, ...]) -> Ingested:
-    from hrclog.analyzers.knowledge import ingest_logs
+    from hrclog.analyzers.learning.ingest import ingest_logs
 
     reading = Progress("reading logs")
     try:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hrclog.analyzers.knowledge import Ingested, ingest_events
+from hrclog.analyzers.learning.ingest import Ingested, ingest_events
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import ImportDataError
 from hrclog.events import Event, RunStarted

@@ -9,7 +9,7 @@ import click
 
 if TYPE_CHECKING:
     from hrclog.knowledge.task_times import TaskTimes
-    from hrclog.problem import Problem
+    from hrclog.planning.problem import Problem
 
 VARIABLE: Final = "HRCLOG_KB"
 
@@ -33,7 +33,7 @@ def known_times(problem: Problem, kb: str | None, overrides: Path | None = None)
         KnowledgeError: the knowledge base cannot be read.
         ScenarioError: the file cannot be read, or speaks of tasks of which nothing is known.
     """
-    from hrclog.analyzers.planner.what_if import read_overrides, with_overrides
+    from hrclog.analyzers.search.what_if import read_overrides, with_overrides
     from hrclog.knowledge import open_knowledge
     from hrclog.knowledge.properties import guesses_s
     from hrclog.knowledge.task_times import NOTHING, with_guesses

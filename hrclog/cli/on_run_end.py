@@ -48,7 +48,7 @@ class Following:
         """Take in the runs of logs, and bring the statistics up to date; after a failure nothing is tried again."""
         if self._where is None or self._behind:
             return
-        from hrclog.analyzers.knowledge import ingest_logs, update_statistics
+        from hrclog.analyzers.learning.ingest import ingest_logs, update_statistics
         from hrclog.knowledge import open_knowledge
 
         try:

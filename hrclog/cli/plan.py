@@ -13,11 +13,11 @@ from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
 from hrclog.cli.problem_file import load_problem, problem_argument
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.planner.forecast import Forecast
+    from hrclog.analyzers.search.forecast import Forecast
     from hrclog.events import Event
     from hrclog.knowledge.task_times import TaskTimes
-    from hrclog.plan import Plan
-    from hrclog.problem import Problem
+    from hrclog.planning.plan import Plan
+    from hrclog.planning.problem import Problem
     from hrclog.sim.scenario import Scenario
 
 METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighboring", "random")
@@ -140,11 +140,11 @@ def _check_output(options: dict[str, Any]) -> None:
 
 
 def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
-    from hrclog.analyzers.planner.find import find_plan
-    from hrclog.analyzers.planner.judge import Objective
-    from hrclog.analyzers.planner.local_search import Effort
-    from hrclog.analyzers.planner.what_if import read_pairs
-    from hrclog.analyzers.planner.wish import Method, Wish
+    from hrclog.analyzers.search.find import find_plan
+    from hrclog.analyzers.search.judge import Objective
+    from hrclog.analyzers.search.local_search import Effort
+    from hrclog.analyzers.search.what_if import read_pairs
+    from hrclog.analyzers.search.wish import Method, Wish
 
     out: Path | None = options["out"]
     wish = Wish(
@@ -167,8 +167,8 @@ def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
 
 
 def _judge(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
-    from hrclog.analyzers.planner.forecast import forecast, with_expected_times
-    from hrclog.plan import check_plan, read_plan
+    from hrclog.analyzers.search.forecast import forecast, with_expected_times
+    from hrclog.planning.plan import check_plan, read_plan
 
     plan = read_plan(options["given"])
     check_plan(problem, plan)
@@ -186,9 +186,9 @@ def _judge(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
 
 def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     """Plan the rest of a run."""
-    from hrclog.analyzers.planner.judge import Objective
-    from hrclog.analyzers.planner.replan import plan_rest
-    from hrclog.run_state import run_state
+    from hrclog.analyzers.search.judge import Objective
+    from hrclog.analyzers.search.replan import plan_rest
+    from hrclog.planning.run_state import run_state
 
     events, code = _events(options["run_log"])
     state = run_state(events)
@@ -253,7 +253,7 @@ def _ends(told: Forecast) -> dict[str, tuple[float, float]]:
 
 
 def _write(out: Path | None, plan: Plan) -> None:
-    from hrclog.plan import write_plan
+    from hrclog.planning.plan import write_plan
 
     if out is not None:
         write_plan(out, plan)
@@ -262,8 +262,8 @@ def _write(out: Path | None, plan: Plan) -> None:
 def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) -> int:
     """Write random plans, a file each."""
     from hrclog.errors import LogExistsError, OutputError
-    from hrclog.plan import write_plan
-    from hrclog.random_plans import distinct_plans
+    from hrclog.planning.plan import write_plan
+    from hrclog.planning.random_plans import distinct_plans
     from hrclog.sim.run import fitting_plan
 
     out: Path = options["out"]

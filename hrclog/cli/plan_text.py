@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 from hrclog.cli.common import printable, table
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.planner.find import Found
-    from hrclog.analyzers.planner.forecast import Forecast
-    from hrclog.plan import Plan
+    from hrclog.analyzers.search.find import Found
+    from hrclog.analyzers.search.forecast import Forecast
+    from hrclog.planning.plan import Plan
 
 _WIDTH: Final = 96
 _PAIRS: Final = 5

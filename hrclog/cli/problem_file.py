@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from hrclog.problem import Problem
+    from hrclog.planning.problem import Problem
     from hrclog.sim.scenario import Scenario
 
 problem_argument = click.argument("problem_name", metavar="PROBLEM")
@@ -25,7 +25,7 @@ def load_problem(name: str) -> tuple[Problem, Scenario | None]:
         ScenarioError: there is no such scenario or file, or it is neither.
     """
     from hrclog.json_record import JsonRecord, read_json
-    from hrclog.problem import PROBLEM_FIELDS, problem_from_json
+    from hrclog.planning.problem import PROBLEM_FIELDS, problem_from_json
     from hrclog.sim.scenario import load_scenario, scenario_names
 
     path = Path(name)

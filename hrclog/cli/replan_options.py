@@ -10,8 +10,8 @@ import click
 from hrclog.cli.known_times import kb_option, known_times
 
 if TYPE_CHECKING:
-    from hrclog.problem import Problem
-    from hrclog.run_state import Replan
+    from hrclog.planning.problem import Problem
+    from hrclog.planning.run_state import Replan
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -48,8 +48,8 @@ def chosen_replan(problem: Problem, kb: str | None, replan_on: tuple[str, ...]) 
     """
     if not replan_on:
         return None
-    from hrclog.analyzers.planner.replan import replanner
-    from hrclog.analyzers.planner.worlds import expected_world
+    from hrclog.analyzers.search.replan import replanner
+    from hrclog.analyzers.search.worlds import expected_world
 
     times = known_times(problem, kb)
     expected_world(times, _keys(problem), problem.agents, 1)  # what is missing is told before the run, not in it

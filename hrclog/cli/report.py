@@ -23,9 +23,9 @@ from hrclog.cli.common import (
 from hrclog.errors import HrclogError
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis
     from hrclog.analyzers.report.document import Report
     from hrclog.analyzers.report.save import PictureKind
+    from hrclog.analyzers.result import Analysis
 
 _MOST_LOGS_NAMED: Final = 5
 _BAG_PARTS: Final = (".yaml", ".db3", ".mcap")

@@ -16,11 +16,11 @@ from hrclog.sim.engine import ENGINES
 
 if TYPE_CHECKING:
     from hrclog.events import Event, TaskEnded
-    from hrclog.plan import Plan
+    from hrclog.planning.plan import Plan
+    from hrclog.planning.run_state import Replan
     from hrclog.recorders.clock import Clock
-    from hrclog.recorders.dispatch_policy import DispatchPolicy
-    from hrclog.recorders.executor import Executor
-    from hrclog.run_state import Replan
+    from hrclog.recorders.dispatch.policy import DispatchPolicy
+    from hrclog.recorders.executors.protocol import Executor
     from hrclog.sim.scenario import Scenario
 
 EXIT_INTERRUPTED: Final = 130
@@ -119,7 +119,7 @@ def command(  # noqa: PLR0913 - an argument per option
 
     from hrclog.errors import LogExistsError
     from hrclog.log.writer import write_log
-    from hrclog.plan import read_plan
+    from hrclog.planning.plan import read_plan
     from hrclog.recorders.recorder import log_path
     from hrclog.sim.run import carry_out, fitting_plan, policy_of
 
@@ -188,8 +188,8 @@ def _ways(agents: Sequence[str], cell: Scenario) -> dict[str, tuple[str, Path]]:
 def _executors(how: Mapping[str, tuple[str, Path]], clock: Clock) -> dict[str, Executor]:
     """Return the executors that files describe; agents of one file share one."""
     from hrclog.errors import DispatchError
-    from hrclog.recorders.replay import ReplayExecutor, read_recorded
-    from hrclog.recorders.scripted import ScriptedExecutor, read_script
+    from hrclog.recorders.executors.replay import ReplayExecutor, read_recorded
+    from hrclog.recorders.executors.scripted import ScriptedExecutor, read_script
 
     made: dict[str, Executor] = {}
     for kind, path in dict.fromkeys(how.values()):
@@ -217,8 +217,8 @@ def _live(
     engine: str,
     replan: Replan | None,
 ) -> tuple[Sequence[Event], str, str]:
-    from hrclog.recorders.live_run import run_live
-    from hrclog.recorders.real_time import RealTimeLoop
+    from hrclog.recorders.dispatch.live_run import run_live
+    from hrclog.recorders.dispatch.real_time import RealTimeLoop
     from hrclog.sim.engine import make_engine
 
     loop = RealTimeLoop()
@@ -258,7 +258,7 @@ def _show(event: Event) -> None:
 def _in_force(plan: Plan, events: Sequence[Event]) -> Plan:
     """Return the plan that was followed in the end."""
     from hrclog.events import PlanChanged
-    from hrclog.plan import plan_of_value
+    from hrclog.planning.plan import plan_of_value
 
     for event in events:
         if isinstance(event, PlanChanged):

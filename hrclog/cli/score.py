@@ -13,8 +13,8 @@ from hrclog.cli.common import Progress, json_option, outliers_option, tell
 if TYPE_CHECKING:
     import polars as pl
 
+    from hrclog.analyzers.prediction.score import Score
     from hrclog.analyzers.prediction.settings import Predictions
-    from hrclog.analyzers.score import Score
     from hrclog.analyzers.synergy.outliers import Outliers
     from hrclog.diagnostic import Diagnostic
 
@@ -69,8 +69,8 @@ def command(
       hrclog score --cv 5 runs/*.mcap
       hrclog score --train monday --test tuesday
     """  # noqa: D301 - click's \b keeps the line breaks
+    from hrclog.analyzers.prediction.score import score
     from hrclog.analyzers.prediction.settings import SCORED, cross_validate, predict_prequential, predict_static
-    from hrclog.analyzers.score import score
     from hrclog.cli.score_text import score_text
 
     _check_usage(logs, cv, train, test, static=static, transfer_deviation=transfer_deviation)
@@ -125,7 +125,7 @@ def _check_usage(
 
 
 def _read(paths: tuple[str, ...]) -> tuple[pl.DataFrame, list[Diagnostic]]:
-    from hrclog.analyzers.intervals import rebuild
+    from hrclog.analyzers.projections.intervals import rebuild
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")
@@ -136,7 +136,7 @@ def _read(paths: tuple[str, ...]) -> tuple[pl.DataFrame, list[Diagnostic]]:
 
 
 def _true_pairs(path: Path) -> pl.DataFrame:
-    from hrclog.analyzers.score_truth import true_pairs
+    from hrclog.analyzers.prediction.score_truth import true_pairs
     from hrclog.sim.truth import read_truth
 
     known = read_truth(path)
@@ -149,8 +149,8 @@ def _true_pairs(path: Path) -> pl.DataFrame:
 def _against_truth(
     intervals: pl.DataFrame, truth: pl.DataFrame, names: tuple[str, ...], outliers: Outliers
 ) -> dict[str, dict[str, Any]]:
+    from hrclog.analyzers.prediction.score_truth import pair_errors, truth_figures
     from hrclog.analyzers.prediction.settings import SCORED
-    from hrclog.analyzers.score_truth import pair_errors, truth_figures
     from hrclog.analyzers.synergy.observations import observe
 
     observations = observe(intervals)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hrclog.cli.common import number, table
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.score import Score
+    from hrclog.analyzers.prediction.score import Score
 
 _SETTINGS = {
     "cv": "Each run predicted from others (cross-validation by run)",

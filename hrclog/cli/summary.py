@@ -11,7 +11,7 @@ from hrclog.cli.common import number, printable, table
 if TYPE_CHECKING:
     import polars as pl
 
-    from hrclog.analyzers.analysis import Analysis
+    from hrclog.analyzers.result import Analysis
 
 _MOST_ROWS = 40
 

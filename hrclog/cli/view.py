@@ -16,8 +16,8 @@ from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, printable, tell
 from hrclog.errors import HrclogError, LogReadError
 
 if TYPE_CHECKING:
-    from hrclog.analyzers.analysis import Analysis
-    from hrclog.analyzers.recordings import Chosen
+    from hrclog.analyzers.rerun.selection import Chosen
+    from hrclog.analyzers.result import Analysis
 
 
 @click.command(name="view")
@@ -83,8 +83,8 @@ def command(
 
 
 def _open(target: Path, names: tuple[str, ...], web_port: int | None, output: Path | None) -> int:
-    from hrclog.analyzers.recordings import recordings_at
-    from hrclog.analyzers.viewer import check_viewer, open_viewer
+    from hrclog.analyzers.rerun.selection import recordings_at
+    from hrclog.analyzers.rerun.viewer import check_viewer, open_viewer
 
     chosen = recordings_at(target, names)
     check_viewer(chosen.paths if chosen is not None else (), web_port)
@@ -102,7 +102,7 @@ def _analysed(target: Path, names: tuple[str, ...], folder: Path) -> tuple[Chose
     """Analyse logs into a folder, and return the recordings there and the exit code."""
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.output import RECORDING_NAME, check_writable, drawn_runs, save
-    from hrclog.analyzers.recordings import MOST_RUNS, Chosen, draw, matching_runs
+    from hrclog.analyzers.rerun.selection import MOST_RUNS, Chosen, draw, matching_runs
 
     check_writable(folder)
     reading = Progress("reading logs")
@@ -132,7 +132,7 @@ def _check_content(target: Path, analysis: Analysis) -> None:
 
 
 def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
-    from hrclog.analyzers.viewer import running_viewer
+    from hrclog.analyzers.rerun.viewer import running_viewer
     from hrclog.log.watch import list_folder
 
     list_folder(folder)

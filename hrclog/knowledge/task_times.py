@@ -12,12 +12,11 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from hrclog.arrays import FloatArray
 from hrclog.json_record import JsonRecord
 
 AgentTask = tuple[str, str]
-Floats = npt.NDArray[np.float64]
 
 PRIOR_WEIGHT: Final = 2.0
 """How many observed executions a declared guess is worth."""
@@ -66,7 +65,7 @@ class TaskTime:
     sigma: float
     n: int
     factors: tuple[Factor, ...] = ()
-    covariance: Floats | None = None
+    covariance: FloatArray | None = None
     observed_s: float | None = None
     guess_s: float | None = None
     failure_rate: float = 0.0

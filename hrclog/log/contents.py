@@ -10,7 +10,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 
-from hrclog.log.message import IntArray
+from hrclog.arrays import IntArray
 from hrclog.log.records import Problem, Record, parse
 
 _JOINED_BYTES: Final = 1 << 22

@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from mcap.records import Channel, Schema
 
+from hrclog.arrays import BoolArray
 from hrclog.errors import InvalidEventError
 from hrclog.events import COLUMNS
 from hrclog.log import channels, message
@@ -192,7 +193,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - numpy scalars of a decoder into
     return None if is_nan or (isinstance(value, int) and value == message.UNSET_INT) else value
 
 
-def _select(batch: Batch, mask: np.typing.NDArray[np.bool_]) -> Batch:
+def _select(batch: Batch, mask: BoolArray) -> Batch:
     arrays = (batch.channel, batch.sequence, batch.log_time, batch.publish_time, batch.start, batch.end)
     return batch if mask.all() else Batch(batch.data, *(array[mask] for array in arrays))
 

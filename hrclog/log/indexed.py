@@ -10,8 +10,8 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, MetadataIndex, Statistics
 
+from hrclog.arrays import IntArray
 from hrclog.log.contents import Batch, Contents, Wanted
-from hrclog.log.message import IntArray
 from hrclog.log.records import MAGIC, PREFIX, Problem, Record, Walk, expand, parse, record_at
 from hrclog.log.streamed import read_streamed
 

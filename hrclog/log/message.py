@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import polars as pl
 from numpy.lib.stride_tricks import sliding_window_view
 
+from hrclog.arrays import BoolArray, ByteArray, IntArray
 from hrclog.errors import InvalidEventError
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, STRING_COLUMNS
 
@@ -41,9 +41,6 @@ _FIXED_DTYPE: Final = np.dtype(
 _PADDING: Final = (b"", b"\0\0\0", b"\0\0", b"\0")
 _VIEW_INLINE: Final = 12  # bytes of a string that fit into its 16-byte Arrow view
 
-IntArray = npt.NDArray[np.int64]
-ByteArray = npt.NDArray[np.uint8]
-
 
 def encode_row(row: Mapping[str, Any]) -> bytes:
     """Return a flat event row as little-endian CDR.
@@ -64,7 +61,7 @@ def encode_row(row: Mapping[str, Any]) -> bytes:
     return b"".join(parts)
 
 
-def decode_columns(data: bytes, starts: IntArray, ends: IntArray) -> tuple[pl.DataFrame, npt.NDArray[np.bool_]]:
+def decode_columns(data: bytes, starts: IntArray, ends: IntArray) -> tuple[pl.DataFrame, BoolArray]:
     """Decode many little-endian CDR TaskEvents at once.
 
     Args:
@@ -106,7 +103,7 @@ def _gather(raw: ByteArray, at: IntArray, size: int) -> ByteArray:
 
 
 def _next_string(
-    raw: ByteArray, bodies: IntArray, positions: IntArray, ends: IntArray, good: npt.NDArray[np.bool_]
+    raw: ByteArray, bodies: IntArray, positions: IntArray, ends: IntArray, good: BoolArray
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Return (position after, first byte, length without NUL) of the strings at `positions`; torn ones clear `good`."""
     positions = bodies + ((positions - bodies + 3) & ~3)
@@ -151,7 +148,7 @@ def _utf8(text: bytes) -> str | None:
         return None
 
 
-def _drop_invalid_texts(frame: pl.DataFrame, good: npt.NDArray[np.bool_]) -> tuple[pl.DataFrame, npt.NDArray[np.bool_]]:
+def _drop_invalid_texts(frame: pl.DataFrame, good: BoolArray) -> tuple[pl.DataFrame, BoolArray]:
     valid = frame.select(pl.all_horizontal(pl.col(STRING_COLUMNS).is_not_null())).to_series()
     if valid.all():
         return frame, good

@@ -10,9 +10,9 @@ import numpy as np
 import polars as pl
 from mcap.records import Channel
 
+from hrclog.arrays import BoolArray, IntArray
 from hrclog.log import channels
 from hrclog.log.contents import Batch
-from hrclog.log.message import IntArray
 from hrclog.log.signals import merged_samples
 from hrclog.scene import Scene, parse_scene
 
@@ -172,7 +172,7 @@ def _poses(part: Batch, name: str, run_id: str, tell: Tell) -> pl.DataFrame:
     return frame.select(pl.lit(run_id).alias("run_id"), pl.lit(name).alias("name"), *frame.columns)
 
 
-def _whole_poses(part: Batch) -> np.typing.NDArray[np.bool_]:
+def _whole_poses(part: Batch) -> BoolArray:
     """Return which messages are as long as their frame's name says."""
     size = part.end - part.start
     whole = size >= _POSE_START + 4 + _POSE_BYTES

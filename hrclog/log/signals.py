@@ -9,13 +9,12 @@ import numpy as np
 import polars as pl
 from mcap.records import Channel
 
+from hrclog.arrays import BoolArray, ByteArray, IntArray
 from hrclog.log import channels
 from hrclog.log.contents import Batch
-from hrclog.log.message import IntArray
 
 SIGNAL_COLUMNS: Final = pl.Schema({"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64, "value": pl.Float64})
 
-BoolArray = np.typing.NDArray[np.bool_]
 
 _JOINTS: Final = "/joint_states"
 _MOST_LAYOUTS: Final = 64  # beyond, messages are decoded one by one
@@ -101,7 +100,7 @@ def _joint_samples(part: Batch, rows: IntArray, agent: str) -> pl.DataFrame:
     return pl.DataFrame(columns, schema={name: SIGNAL_COLUMNS[name] for name in columns})
 
 
-def _windows(part: Batch, rows: IntArray, begin: int, size: int) -> np.typing.NDArray[np.uint8]:
+def _windows(part: Batch, rows: IntArray, begin: int, size: int) -> ByteArray:
     """Return a copy of a stretch of each message, shape (n, size)."""
     windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(part.data, np.uint8), size)
     return np.ascontiguousarray(windows[part.start[rows] + begin])

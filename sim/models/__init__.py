@@ -11,4 +11,4 @@ the joint shoulder_pan. Links 0 to 7 are the carriage, what joints 1 to 6 move, 
 tip's."""
 
 HUMAN_URDF: Final = Path(__file__).parent / "human.urdf"
-"""A person, whose root stands at the world's origin. Joints 0 to 12 are those of `hrclog.sim.human_kinematics`."""
+"""A person whose root stands at the origin of the world. Joints 0 to 12: `hrclog.sim.cell.human_kinematics`."""

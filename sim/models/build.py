@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from hrclog.sim.human_kinematics import (
+from hrclog.sim.cell.human_kinematics import (
     FOREARM_M,
     HAND_M,
     HIP_HEIGHT_M,
@@ -22,7 +22,7 @@ from hrclog.sim.human_kinematics import (
     SHOULDER_RISE_M,
     UPPER_ARM_M,
 )
-from hrclog.sim.kinematics import DH_A, DH_ALPHA, DH_D, JOINT_NAMES, RailArm
+from hrclog.sim.cell.robot_kinematics import DH_A, DH_ALPHA, DH_D, JOINT_NAMES, RailArm
 from hrclog.sim.models import HUMAN_URDF, ROBOT_URDF
 
 Vector = tuple[float, float, float]

@@ -8,7 +8,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from hrclog.analyzers.intervals import rebuild
+from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.log.reader import read_logs
 from hrclog.recorders.importers.mongo import import_mongo
 

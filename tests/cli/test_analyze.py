@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from hrclog.analyzers import schemas
+from hrclog.analyzers.projections import schemas
 from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.writer import write_log

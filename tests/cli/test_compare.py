@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from hrclog.analyzers.compare import TABLES
 from hrclog.analyzers.comparison import schemas
+from hrclog.analyzers.comparison.compare import TABLES
 from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.writer import write_log

@@ -14,7 +14,7 @@ from kb_runs import run_of, state_at
 
 from hrclog.log.reader import read_events
 from hrclog.log.writer import write_log
-from hrclog.plan import write_plan
+from hrclog.planning.plan import write_plan
 from hrclog.sim.run import plan_of
 from hrclog.sim.scenario import load_scenario
 

@@ -15,9 +15,9 @@ from hrclog.log.encode import event_message
 from hrclog.log.journal import Journal
 from hrclog.log.reader import read_events
 from hrclog.log.writer import write_log
-from hrclog.plan import check_plan, read_plan, write_plan
-from hrclog.problem import Problem
-from hrclog.run_state import run_state
+from hrclog.planning.plan import check_plan, read_plan, write_plan
+from hrclog.planning.problem import Problem
+from hrclog.planning.run_state import run_state
 from hrclog.sim.run import plan_of, simulate_run
 from hrclog.sim.scenario import load_scenario
 

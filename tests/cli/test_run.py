@@ -17,7 +17,7 @@ import pytest
 from hrclog.event_rows import from_row
 from hrclog.events import Event, RunStarted, TaskEnded, TaskFact, TaskStarted
 from hrclog.log.reader import read_events
-from hrclog.plan import read_plan, write_plan
+from hrclog.planning.plan import read_plan, write_plan
 from hrclog.sim.run import plan_of
 from hrclog.sim.scenario import load_scenario
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import pytest
 
-from hrclog.analyzers import viewer
-from hrclog.analyzers.viewer import free_port
+from hrclog.analyzers.rerun import viewer
+from hrclog.analyzers.rerun.viewer import free_port
 from hrclog.events import Heartbeat, RunStarted
 from hrclog.log.writer import write_log
 from hrclog.recorders.recorder import Recorder

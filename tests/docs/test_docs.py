@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from hrclog.analyzers import schemas
+from hrclog.analyzers.projections import schemas
 from hrclog.cli import VERBS
 from hrclog.diagnostic import CODES
 from hrclog.events import COLUMNS, EVENT_CLASSES

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-FloatArray = npt.NDArray[np.float64]
+from hrclog.arrays import FloatArray
 
 
 class BulletBody:

@@ -9,15 +9,15 @@ from typing import Any
 
 from hrclog.events import Event, TaskDispatched, TaskEnded, TaskFact
 from hrclog.json_record import JsonRecord
-from hrclog.plan import Plan, PlanItem
-from hrclog.problem import Count, Problem, Task
-from hrclog.recorders.executor import Command
-from hrclog.sim.bullet import BulletCell
-from hrclog.sim.cell import Cell
-from hrclog.sim.cell_json import CELL_FIELDS, cell_from_json
+from hrclog.planning.plan import Plan, PlanItem
+from hrclog.planning.problem import Count, Problem, Task
+from hrclog.recorders.executors.protocol import Command
+from hrclog.sim.bullet.engine import BulletCell
+from hrclog.sim.cell.description import Cell
+from hrclog.sim.cell.from_json import CELL_FIELDS, cell_from_json
+from hrclog.sim.cell.safety_settings import Area, AreasSettings, Slew
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.lognormal import Lognormal
-from hrclog.sim.safety_settings import Area, AreasSettings, Slew
 from hrclog.sim.scenario import Gap, Scenario, Work
 
 ROBOT = "robot"

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from hypothesis import strategies as st
 
-from hrclog.dispatch_mode import DispatchMode
 from hrclog.events import Outcome
-from hrclog.plan import Arrival, Plan, PlanItem
-from hrclog.recorders.dispatch_policy import DispatchPolicy, OnFailure
-from hrclog.recorders.scripted import Misbehaviour, ScriptStep
+from hrclog.planning.dispatch_mode import DispatchMode
+from hrclog.planning.plan import Arrival, Plan, PlanItem
+from hrclog.recorders.dispatch.policy import DispatchPolicy, OnFailure
+from hrclog.recorders.executors.scripted import Misbehaviour, ScriptStep
 
 FACTS = ("part", "door")
 

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from hrclog.events import AnnotationAdded, Event, TaskDispatched, TaskEnded, TaskFact
-from hrclog.plan import Plan, PlanItem
-from hrclog.problem import Count, Precedence, Problem, Task
-from hrclog.recorders.dispatch_policy import DispatchPolicy
-from hrclog.recorders.dispatcher import Dispatcher
-from hrclog.recorders.executor import Executor
-from hrclog.recorders.scripted import ScriptedExecutor, ScriptStep
-from hrclog.run_state import Replan
+from hrclog.planning.plan import Plan, PlanItem
+from hrclog.planning.problem import Count, Precedence, Problem, Task
+from hrclog.planning.run_state import Replan
+from hrclog.recorders.dispatch.dispatcher import Dispatcher
+from hrclog.recorders.dispatch.policy import DispatchPolicy
+from hrclog.recorders.executors.protocol import Executor
+from hrclog.recorders.executors.scripted import ScriptedExecutor, ScriptStep
 from hrclog.sim.event_queue import EventQueue
 
 START_NS = 1_000_000_000_000

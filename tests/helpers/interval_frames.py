@@ -9,8 +9,8 @@ import numpy as np
 import polars as pl
 from hypothesis import strategies as st
 
-from hrclog.analyzers.intervals import SORT
-from hrclog.analyzers.schemas import INTERVALS
+from hrclog.analyzers.projections.intervals import SORT
+from hrclog.analyzers.projections.schemas import INTERVALS
 
 Row = dict[str, Any]
 

@@ -11,7 +11,7 @@ from typing import Any
 import polars as pl
 from sqlalchemy import select
 
-from hrclog.analyzers.knowledge import frame_of_events
+from hrclog.analyzers.learning.ingest import frame_of_events
 from hrclog.events import Event, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.knowledge import open_knowledge
 from hrclog.knowledge.base import KnowledgeBase

@@ -8,7 +8,7 @@ from typing import Any
 
 from kb_runs import frame_of_runs
 
-from hrclog.analyzers.knowledge import ingest, update_statistics
+from hrclog.analyzers.learning.ingest import ingest, update_statistics
 from hrclog.knowledge import open_knowledge
 
 

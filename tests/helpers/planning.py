@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hrclog.analyzers.planner.encoded import Encoded
-from hrclog.analyzers.planner.worlds import Worlds
+from hrclog.analyzers.search.encoded import Encoded
+from hrclog.analyzers.search.worlds import Worlds
 from hrclog.events import TaskDispatched, TaskStarted
 from hrclog.knowledge.task_times import Factor, Gap, TaskTime, TaskTimes
 from hrclog.sim.run import Run

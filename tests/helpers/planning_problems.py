@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
-from hrclog.analyzers.planner.space import Space, space_of
-from hrclog.analyzers.planner.worlds import Worlds, expected_world
+from hrclog.analyzers.search.space import Space, space_of
+from hrclog.analyzers.search.worlds import Worlds, expected_world
 from hrclog.knowledge.task_times import Factor, Gap, TaskTime, TaskTimes
-from hrclog.problem import Count, Precedence, PrecedenceKind, Problem, Task
+from hrclog.planning.problem import Count, Precedence, PrecedenceKind, Problem, Task
 
 _SYNERGIES = st.sampled_from([0.5, 0.8, 1.0, 1.0, 1.3, 2.0, 6.0, 20.0])
 _WORKS = st.floats(0.5, 9.0).map(lambda value: round(value, 3))

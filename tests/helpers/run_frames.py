@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from hrclog.analyzers.schemas import PLAN_LABELS, RUNS
+from hrclog.analyzers.projections.schemas import PLAN_LABELS, RUNS
 
 
 def runs_of(intervals: pl.DataFrame) -> pl.DataFrame:

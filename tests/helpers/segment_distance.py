@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from hrclog.arrays import FloatArray
 
 _HALVINGS = 60
 

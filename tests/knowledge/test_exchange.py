@@ -13,8 +13,8 @@ from bson import ObjectId
 from kb_mongo import FakeDatabase
 from kb_runs import frame_of_runs, state
 
-from hrclog.analyzers.knowledge import ingest, ingest_logs, update_statistics
-from hrclog.analyzers.schemas import DURATIONS, INTERVALS, SYNERGIES
+from hrclog.analyzers.learning.ingest import ingest, ingest_logs, update_statistics
+from hrclog.analyzers.projections.schemas import DURATIONS, INTERVALS, SYNERGIES
 from hrclog.cli.kb_import import import_folder
 from hrclog.errors import ImportDataError, KnowledgeError, OutputError
 from hrclog.knowledge import open_knowledge

@@ -17,7 +17,7 @@ from kb_postgres import PASSWORD, Server
 from kb_runs import frame_of_runs
 from sqlalchemy import update
 
-from hrclog.analyzers.knowledge import ingest, update_statistics
+from hrclog.analyzers.learning.ingest import ingest, update_statistics
 from hrclog.errors import KnowledgeError
 from hrclog.knowledge import open_knowledge
 from hrclog.knowledge.database import _LOCK
@@ -155,7 +155,7 @@ def test_a_missing_driver_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPat
 READ_ONLY = """
 import sys
 from kb_runs import frame_of_runs
-from hrclog.analyzers.knowledge import ingest
+from hrclog.analyzers.learning.ingest import ingest
 from hrclog.errors import KnowledgeError
 from hrclog.knowledge import open_knowledge
 with open_knowledge(sys.argv[1]) as kb:

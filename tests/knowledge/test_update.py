@@ -11,8 +11,8 @@ import pytest
 from kb_runs import frame_of_runs, state
 from kb_work import watch
 
-from hrclog.analyzers.knowledge import ingest, update_statistics
-from hrclog.analyzers.learning import learn
+from hrclog.analyzers.learning.ingest import ingest, update_statistics
+from hrclog.analyzers.learning.learn import learn
 from hrclog.knowledge import open_knowledge
 from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.update import Method, rebuild, update
@@ -65,7 +65,7 @@ def test_runs_that_come_while_statistics_are_made_are_in_them(where: str, meanwh
 
 
 def test_a_run_withdrawn_while_everything_is_rebuilt_stays_out(where: str) -> None:
-    from hrclog.analyzers.knowledge import _records
+    from hrclog.analyzers.learning.ingest import _records
 
     with open_knowledge(where, create=True) as kb, open_knowledge(where) as other:
         ingest(kb, frame_of_runs(range(3)))

@@ -8,8 +8,8 @@ from functools import cache
 import pytest
 from cells import Stage
 
-from hrclog.sim.bullet import with_policy
-from hrclog.sim.cell import Cell
+from hrclog.sim.bullet.engine import with_policy
+from hrclog.sim.cell.description import Cell
 from hrclog.sim.run import Run, simulate_run
 from hrclog.sim.scenario import Scenario, load_scenario
 

@@ -14,10 +14,10 @@ from hrclog.errors import HrclogError, LogExistsError, OutputError, ScenarioErro
 from hrclog.event_rows import from_row
 from hrclog.log.reader import read_events
 from hrclog.log.writer import write_log
-from hrclog.problem import Count, Problem, Task
+from hrclog.planning.problem import Count, Problem, Task
 from hrclog.sim import campaign
+from hrclog.sim.bullet.observed import observed_truth
 from hrclog.sim.campaign import simulate_campaign
-from hrclog.sim.observed import observed_truth
 from hrclog.sim.run import Run, simulate_run
 from hrclog.sim.scenario import Lognormal, Safety, Scenario, Synergy, Work, load_scenario
 from hrclog.sim.truth import read_truth

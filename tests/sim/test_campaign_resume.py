@@ -293,7 +293,7 @@ def test_serial_and_parallel_resumption_give_the_same_bytes(tmp_path: Path, monk
 
 def test_a_stepped_campaign_goes_on_under_the_same_policy_only(tmp_path: Path) -> None:
     pytest.importorskip("pybullet")
-    from hrclog.sim.bullet import with_policy
+    from hrclog.sim.bullet.engine import with_policy
 
     simulate_campaign(SMALL, 3, 1, tmp_path / "whole", engine="bullet")
     killed(tmp_path / "out", 1, 3, SMALL, "bullet")

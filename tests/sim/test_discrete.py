@@ -24,8 +24,8 @@ from hrclog.events import (
     TaskResumed,
     TaskStarted,
 )
-from hrclog.problem import Count, Precedence, PrecedenceKind, Problem, Task
-from hrclog.recorders.executor import Executor
+from hrclog.planning.problem import Count, Precedence, PrecedenceKind, Problem, Task
+from hrclog.recorders.executors.protocol import Executor
 from hrclog.sim.discrete import DiscreteCell
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.run import Run, simulate_run

@@ -10,8 +10,8 @@ import pytest
 
 from hrclog.errors import ScenarioError
 from hrclog.events import RunStarted, TaskFact, TaskStarted
-from hrclog.plan import Plan, make_plan
-from hrclog.problem import Count, Problem, Task
+from hrclog.planning.plan import Plan, make_plan
+from hrclog.planning.problem import Count, Problem, Task
 from hrclog.sim.run import BASE_EPOCH_NS, PlanSequence, Run, plan_of, simulate_run
 from hrclog.sim.scenario import Gap, Lognormal, Safety, Scenario, Synergy, Work, load_scenario, scenario_names
 

@@ -19,6 +19,7 @@ from rerun.experimental import ViewerClient
 from rerun_viewers import PATIENCE_S, colours, complaints, tabs
 
 from hrclog.analyzers.live.follow import Followed, follow
+from hrclog.arrays import ByteArray
 
 pytestmark = pytest.mark.slow
 
@@ -92,7 +93,7 @@ def bring_to_front(viewer: ViewerClient, recording: str) -> None:
     time.sleep(1.5)
 
 
-def pixels(viewer: ViewerClient, path: Path) -> np.typing.NDArray[np.uint8]:
+def pixels(viewer: ViewerClient, path: Path) -> ByteArray:
     viewer.save_screenshot(str(path))
     with Image.open(path) as image:
         return np.asarray(image.convert("RGB"))

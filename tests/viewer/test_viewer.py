@@ -16,8 +16,8 @@ from rerun_viewers import colours, complaints, show, tabs
 
 from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.figures import campaign_figures, run_figures
-from hrclog.analyzers.rerun import save_campaign, save_run
-from hrclog.analyzers.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
+from hrclog.analyzers.projections.schemas import DURATIONS, INTERVALS, PAIR_OVERLAPS, RUNS, SIGNALS, SYNERGIES
+from hrclog.analyzers.rerun.save import save_campaign, save_run
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS
 
 S = 1_000_000_000

@@ -1,0 +1,1 @@
+"""What runs teach: task times for planners, and the way into a knowledge base."""

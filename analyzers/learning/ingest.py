@@ -1,0 +1,171 @@
+"""Logs into a knowledge base, and statistics from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from hrclog.analyzers.learning.learn import ESTIMATOR_VERSION, learn
+from hrclog.analyzers.projections.intervals import rebuild as rebuild_intervals
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.diagnostic import Diagnostic, loses_data
+from hrclog.errors import HrclogError, KnowledgeError
+from hrclog.event_rows import to_row
+from hrclog.events import Event
+from hrclog.knowledge.base import KnowledgeBase
+from hrclog.knowledge.records import RunRecord, Version, in_order, run_records, versions
+from hrclog.knowledge.update import Method, update
+from hrclog.knowledge.update import rebuild as rebuild_from
+from hrclog.knowledge.write import Taught
+from hrclog.log.checks import usable
+from hrclog.log.decode import frame_of_rows
+from hrclog.log.message import EVENTS
+from hrclog.log.reader import Logs, read_logs
+
+DEFAULT_ESTIMATOR: Final = next(iter(ESTIMATORS))
+
+
+@dataclass(frozen=True, slots=True)
+class Ingested:
+    """Ids of the runs that were added, replaced by a later version of theirs, or there already; and what is wrong."""
+
+    added: list[str] = field(default_factory=list)
+    replaced: list[str] = field(default_factory=list)
+    unchanged: list[str] = field(default_factory=list)
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+
+def ingest_logs(
+    kb: KnowledgeBase, paths: Iterable[str | Path], on_file: Callable[[Path], None] = lambda _: None
+) -> Ingested:
+    """Take in the runs of logs, folders and globs; what was taken in before adds nothing.
+
+    Args:
+        kb: the knowledge base.
+        paths: what to read; the segments of a run belong together in one call.
+        on_file: called after each file, for progress.
+
+    Raises:
+        LogReadError: nothing matched, or no file could be read.
+        KnowledgeError: the database fails.
+    """
+    logs = read_logs(paths, on_file=on_file)
+    found = ingest(kb, logs.events, _conflicting(logs))
+    return replace(found, diagnostics=[*logs.diagnostics, *found.diagnostics])
+
+
+def ingest_events(kb: KnowledgeBase, events: Iterable[Event]) -> Ingested:
+    """Take in the runs of events, as they would be read from their logs."""
+    return ingest(kb, frame_of_events(events))
+
+
+def ingest(kb: KnowledgeBase, events: pl.DataFrame, left_out: Iterable[str] = ()) -> Ingested:
+    """Take in the runs of an events frame, each in a transaction of its own.
+
+    Args:
+        kb: the knowledge base.
+        events: an events frame.
+        left_out: ids of runs that are not to be taken in.
+
+    Raises:
+        KnowledgeError: the database fails.
+    """
+    events = in_order(events.filter(~pl.col("run_id").is_in(list(left_out))))
+    found = versions(events)
+    with kb.view() as view:
+        known = {run: Version(*version) for run, version in view.versions(list(found)).items()}
+    newer = {run: version for run, version in found.items() if version.supersedes(known.get(run))}
+    part = events.filter(pl.col("run_id").is_in(list(newer)))
+    intervals, illegal = rebuild_intervals(part)
+    done = {run.run_id: kb.put(run) for run in run_records(part, intervals, newer)}
+    return Ingested(
+        [run for run, what in done.items() if what == "added"],
+        [run for run, what in done.items() if what == "replaced"],
+        [run for run in found if done.get(run, "unchanged") == "unchanged"],
+        illegal,
+    )
+
+
+def update_statistics(kb: KnowledgeBase, estimator: str | None = None, outliers: Outliers | None = None) -> bool:
+    """Bring statistics up to date with the runs, and return whether anything had to be done.
+
+    Args:
+        kb: the knowledge base.
+        estimator: aft, bayes, ols or paper; default what the statistics were made with before, else aft.
+        outliers: none or isolation-forest; default as before, else none.
+
+    Raises:
+        HrclogError: the estimator is not known.
+        KnowledgeError: the database fails.
+    """
+    return update(kb, _method(kb, estimator, outliers))
+
+
+def rebuild(
+    kb: KnowledgeBase,
+    paths: Iterable[str | Path],
+    estimator: str | None = None,
+    outliers: Outliers | None = None,
+    on_file: Callable[[Path], None] = lambda _: None,
+) -> Ingested:
+    """Make everything anew from logs, put in place at once; only withdrawals are kept.
+
+    Args:
+        kb: the knowledge base.
+        paths: logs, folders and globs.
+        estimator: as in `update_statistics`.
+        outliers: as in `update_statistics`.
+        on_file: called after each file, for progress.
+
+    Raises:
+        LogReadError: nothing matched, or no file could be read.
+        KnowledgeError: the database fails; nothing has changed then.
+    """
+    logs = read_logs(paths, on_file=on_file)
+    records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting(logs))))
+    lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
+    if lost and loses_data(logs.diagnostics):
+        raise KnowledgeError(
+            kb.where,
+            f"{len(lost)} of its runs are not in these logs, of which not all could be read; nothing was changed",
+            "hrclog check tells what is wrong with them, leave out those that are beyond repair",
+        )
+    rebuild_from(kb, records, _method(kb, estimator, outliers))
+    return Ingested(added=[run.run_id for run in records], diagnostics=[*logs.diagnostics, *illegal])
+
+
+def frame_of_events(events: Iterable[Event]) -> pl.DataFrame:
+    """Return events as a frame, as it would be read from their log."""
+    rows = frame_of_rows([to_row(event) for event in events])
+    return usable(rows.with_columns(pl.lit("").alias("path")).select(EVENTS.names()))
+
+
+def _records(events: pl.DataFrame) -> tuple[list[RunRecord], list[Diagnostic]]:
+    events = in_order(events)
+    intervals, illegal = rebuild_intervals(events)
+    return run_records(events, intervals, versions(events)), illegal
+
+
+def _conflicting(logs: Logs) -> list[str]:
+    """Return the ids that two different runs carry: nothing can be learnt from a mixture."""
+    return sorted({found.run_id for found in logs.diagnostics if found.code == "conflicting_runs"})
+
+
+def _method(kb: KnowledgeBase, estimator: str | None, outliers: str | None) -> Method:
+    made = kb.statistics()
+    name = estimator or (made.estimator if made else DEFAULT_ESTIMATOR)
+    if name not in ESTIMATORS:
+        raise HrclogError(f"estimator is {name!r}, expected one of {', '.join(ESTIMATORS)}")
+    before = made.outliers if made else "none"
+    left_out: Outliers = "isolation-forest" if (outliers or before) == "isolation-forest" else "none"
+
+    def teach(intervals: pl.DataFrame) -> Taught:
+        learnt = learn(intervals, name, left_out)
+        return Taught(learnt.durations, learnt.synergies, learnt.times)
+
+    return Method(name, ESTIMATOR_VERSION, left_out, teach)

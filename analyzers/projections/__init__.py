@@ -1,0 +1,1 @@
+"""Projections: frames that are folded from the events of logs."""

@@ -1,0 +1,93 @@
+"""One row per run: its name, agents, span and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from hrclog.analyzers.projections.intervals import top_level
+from hrclog.analyzers.projections.schemas import RUNS
+from hrclog.errors import InvalidEventError
+from hrclog.event_rows import parse_details
+from hrclog.events import UNKNOWN_OUTCOME, Outcome
+
+_FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)
+
+
+def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
+    """Return a frame of schema `RUNS`, one row per run that has events, ordered by (start_ns, run_id).
+
+    A run without a name takes its file's.
+
+    Args:
+        events: an events frame.
+        intervals: the executions in it.
+    """
+    spans = (
+        intervals.filter(top_level())
+        .group_by("run_id")
+        .agg(
+            pl.col("agent").unique().sort().alias("seen"),
+            pl.col("start_ns").min(),
+            pl.col("until_ns").max().alias("end_ns"),
+            pl.len().alias("n_executions"),
+            pl.col("outcome").is_in(_FAILED).sum().alias("n_failed"),
+            ((pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null()).sum().alias("n_open"),
+        )
+    )
+    files = events.sort("run_id", "seq").group_by("run_id").agg(pl.col("path").first())
+    rows = (
+        files.join(_facts(events), on="run_id", how="left")
+        .join(_outcomes(events), on="run_id", how="left")
+        .join(spans, on="run_id", how="left")
+        .with_columns(
+            pl.col("n_executions", "n_failed", "n_open").fill_null(0),
+            pl.col("outcome").fill_null(""),
+            ((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("makespan_s"),
+            pl.col("agents").fill_null([]).list.set_union(pl.col("seen").fill_null([])).list.sort(),
+            pl.when(pl.col("name").fill_null("") != "")
+            .then("name")
+            .otherwise(pl.col("path").map_elements(_stem, pl.String))
+            .alias("name"),
+        )
+    )
+    return rows.select(RUNS.names()).cast(RUNS).sort("start_ns", "run_id", nulls_last=True)
+
+
+def _facts(events: pl.DataFrame) -> pl.DataFrame:
+    """Return name and declared agents per run, from its first run_started."""
+    started = events.filter(pl.col("kind") == "run_started").sort("run_id", "seq").unique("run_id", keep="first")
+    rows = [
+        (run, *_declared(details)) for run, details in started.select("run_id", "details").sort("run_id").iter_rows()
+    ]
+    return pl.DataFrame(
+        rows, schema={"run_id": pl.String, "name": pl.String, "agents": pl.List(pl.String)}, orient="row"
+    )
+
+
+def _declared(details: str) -> tuple[str, list[str]]:
+    try:
+        facts = parse_details(details)
+    except InvalidEventError:
+        return "", []
+    return _text(facts.get("name")), [_text(agent) for agent in _items(facts.get("agents"))]
+
+
+def _outcomes(events: pl.DataFrame) -> pl.DataFrame:
+    ended = events.filter(pl.col("kind") == "run_ended").sort("run_id", "seq").unique("run_id", keep="last")
+    return ended.select("run_id", "outcome")
+
+
+def _stem(path: str) -> str:
+    return Path(path).name.removesuffix(".partial").removesuffix(".mcap")
+
+
+def _items(value: Any) -> Iterable[Any]:  # noqa: ANN401 - any JSON value
+    return value if isinstance(value, list) else []
+
+
+def _text(value: Any) -> str:  # noqa: ANN401 - any JSON value
+    return value if isinstance(value, str) else ""

@@ -1,0 +1,1 @@
+"""The Rerun back end: recordings that open laid out, and their viewer."""

@@ -1,0 +1,335 @@
+"""The life of each command between dispatcher and executor: checked, handed over, listened to, limited in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any, Final
+
+from hrclog.errors import IllegalEventError, InvalidEventError, LogWriteError
+from hrclog.events import (
+    AnnotationAdded,
+    ClockSynced,
+    CommandRejected,
+    Event,
+    Heartbeat,
+    Outcome,
+    SafetyStateChanged,
+    TaskDispatched,
+    TaskEnded,
+    TaskFact,
+    TaskStarted,
+)
+from hrclog.planning.problem import Problem
+from hrclog.recorders.clock import Clock
+from hrclog.recorders.dispatch.policy import DispatchPolicy
+from hrclog.recorders.executors.protocol import Command, Emit, Executor, event_on, rejection
+from hrclog.state import PLANNED, ExecutionState, Phase, apply
+
+NS_PER_S: Final = 1_000_000_000
+
+AFTER_ALL: Final = 9
+"""Priority of what looks at an instant when all that happens then has happened."""
+
+OnEnd = Callable[[Command, TaskEnded, bool], None]
+"""Told of every end: the command, its last event, and whether another attempt makes sense."""
+
+_PASSED_ON: Final = (SafetyStateChanged, Heartbeat, ClockSynced, AnnotationAdded)
+_TIMED_OUT_IF: Final = (Outcome.CANCELED, Outcome.FAILED)
+
+
+@dataclass(slots=True)
+class _Execution:
+    """A command that was handed out, and what has come of it."""
+
+    command: Command
+    executor: Executor | None
+    timeout_s: float | None
+    state: ExecutionState = PLANNED
+    last_ns: int = 0
+    limit: str = ""  # that it ran into
+    canceled: bool = False
+
+    def over(self) -> bool:
+        """Return whether it has ended."""
+        return self.state.phase is Phase.ENDED
+
+
+class TaskManager:
+    """Hand commands to the executors of their agents, and let through only what the state machine allows.
+
+    Whatever an executor says, this raises nothing and forgets nothing: what does not fit is kept as an annotation.
+
+    Args:
+        problem: the tasks there are, and who can do them.
+        executors: by agent.
+        clock: on whose thread everything happens.
+        policy: for limits and patience.
+        emit: takes every event.
+        on_end: told of every end.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        executors: Mapping[str, Executor],
+        clock: Clock,
+        policy: DispatchPolicy,
+        emit: Emit,
+        on_end: OnEnd,
+    ) -> None:
+        self.active: dict[str, str] = {}
+        """Execution under way, by agent."""
+        self.lost: dict[str, str] = {}
+        """Why an agent gets nothing more, by agent."""
+        self._tasks = {task.name: task for task in problem.tasks}
+        self._executors = executors
+        self._clock = clock
+        self._policy = policy
+        self._emit = emit
+        self._on_end = on_end
+        self._executions: dict[str, _Execution] = {}
+        self._steps: dict[str, ExecutionState] = {}
+        for executor in {id(executor): executor for executor in executors.values()}.values():
+            executor.connect(partial(self._hear, executor))
+
+    def give(self, command: Command, timeout_s: float | None = None) -> None:
+        """Hand a command to its agent's executor, or refuse it.
+
+        Args:
+            command: what is to be done.
+            timeout_s: how long it may take; None for the policy's limit.
+        """
+        limit_s = self._policy.timeout_s if timeout_s is None else timeout_s
+        execution = _Execution(command, self._executors.get(command.agent), limit_s)
+        self._executions[command.execution_id] = execution
+        self.active[command.agent] = command.execution_id
+        self._say(
+            execution,
+            TaskDispatched,
+            planned_start_ns=command.planned_start_ns,
+            planned_end_ns=command.planned_end_ns,
+        )
+        refusal = self._refusal(command)
+        if execution.executor is None or refusal:
+            self._refuse(execution, refusal)
+            return
+        start_s = self._policy.start_timeout_s if self._policy.start_timeout_s is not None else limit_s
+        self._limit(execution, Phase.DISPATCHED, start_s, "did not start within")
+        try:
+            execution.executor.start(command)
+        except LogWriteError:  # of the log itself
+            raise
+        except Exception as error:  # noqa: BLE001 - an executor is foreign code: its failure is the attempt's
+            self._end(execution, Outcome.FAILED, f"executor: {_named(error)}")
+
+    def cancel(self, execution_id: str, reason: str) -> None:
+        """Ask for the end of an execution; without an answer within the policy's grace it is ended here."""
+        execution = self._executions[execution_id]
+        if execution.canceled or execution.over() or execution.executor is None:
+            return
+        execution.canceled = True
+        try:
+            execution.executor.cancel(execution_id, reason)
+        except LogWriteError:
+            raise
+        except Exception as error:  # noqa: BLE001 - as in `give`
+            self._note(f"executor of {execution.command.agent!r} could not cancel: {_named(error)}", {})
+        if not execution.over():
+            self._after(self._policy.grace_s, partial(self._give_up, execution, reason))
+
+    def _refusal(self, command: Command) -> str:
+        """Return why a command cannot be handed out, "" if it can."""
+        task = self._tasks.get(command.task)
+        if task is None:
+            return f"task {command.task!r} is unknown, the tasks are {', '.join(self._tasks)}"
+        if command.agent not in task.agents:
+            return f"{command.agent!r} cannot do {command.task!r}, only {', '.join(task.agents)} can"
+        if command.agent not in self._executors:
+            return f"no executor acts for {command.agent!r}, only for {', '.join(self._executors) or 'nobody'}"
+        return ""
+
+    def _hear(self, executor: Executor, event: Event) -> None:
+        self._clock.submit(partial(self._take, executor, event))
+
+    def _take(self, executor: Executor, event: Event) -> None:
+        """Let an executor's event through, or keep it as an annotation."""
+        if isinstance(event, TaskFact) and event.parent_execution_id:
+            self._take_step(executor, event)
+        elif isinstance(event, TaskFact | CommandRejected):
+            execution = self._executions.get(str(event.execution_id))
+            if execution is None or execution.executor is not executor:
+                whose = "unknown" if execution is None else "another executor's"
+                self._drop(executor, event, f"execution {event.execution_id!r} is {whose}")
+            elif isinstance(event, CommandRejected):
+                self._take_rejection(execution, event)
+            else:
+                self._take_fact(execution, event)
+        elif isinstance(event, _PASSED_ON):
+            self._try_emit(executor, event)
+        else:
+            self._drop(executor, event, "it is not an executor's to say")
+
+    def _take_step(self, executor: Executor, event: TaskFact) -> None:
+        """Let a step of a running execution through; its executor numbers its steps by itself."""
+        parent = self._executions.get(str(event.parent_execution_id))
+        if parent is None or parent.executor is not executor or parent.over() or event.execution_id in self._executions:
+            self._drop(executor, event, f"execution {event.parent_execution_id!r} is none that it can be a step of")
+            return
+        command = parent.command
+        step = replace(event, run_id=command.run_id, item_id=command.item_id, attempt=command.attempt)
+        state, problem = apply(self._steps.get(step.execution_id, PLANNED), step)
+        if problem is not None:
+            self._drop(executor, event, f"{problem} ({state.phase})")
+        elif self._try_emit(executor, step):
+            self._steps[step.execution_id] = state
+
+    def _take_rejection(self, execution: _Execution, event: CommandRejected) -> None:
+        if execution.over():
+            self._drop(execution.executor, event, "the execution has ended")
+        else:
+            self._refuse(execution, _text(event.reason) or "the executor rejected the command")
+
+    def _take_fact(self, execution: _Execution, event: TaskFact) -> None:
+        if not _is_instant(event.time_ns):
+            self._drop(execution.executor, event, f"its instant is {event.time_ns!r}")
+            return
+        fact = _limited(execution, _completed(execution, event))
+        state, problem = apply(execution.state, fact)
+        if problem is None and self._try_emit(execution.executor, fact):
+            self._advance(execution, fact, state)
+            return
+        if problem is not None:
+            self._drop(execution.executor, event, f"{problem} ({execution.state.phase})")
+        if isinstance(fact, TaskEnded) and not execution.over() and problem != "identity_changed":
+            reason = f"the executor said {_text(fact.outcome)!r}, which is not possible ({problem or 'invalid event'})"
+            self._end(execution, Outcome.FAILED, reason)
+
+    def _advance(self, execution: _Execution, fact: TaskFact, state: ExecutionState, *, again: bool = True) -> None:
+        """Note what was written, and act on it."""
+        execution.state, execution.last_ns = state, fact.time_ns
+        if isinstance(fact, TaskStarted):
+            self._limit(execution, Phase.STARTED, execution.timeout_s, "took longer than")
+        elif isinstance(fact, TaskEnded):
+            del self.active[fact.agent]
+            self._on_end(execution.command, fact, again)
+
+    def _limit(self, execution: _Execution, phase: Phase, limit_s: float | None, text: str) -> None:
+        if limit_s is not None:
+            self._after(limit_s, partial(self._run_into, execution, phase, f"{text} {limit_s:g} s"))
+
+    def _run_into(self, execution: _Execution, phase: Phase, limit: str) -> None:
+        """Cancel an execution that has not come out of a phase in time."""
+        now = execution.state.phase
+        if now is Phase.ENDED or execution.canceled or (phase is Phase.DISPATCHED and now is not Phase.DISPATCHED):
+            return
+        execution.limit = limit
+        self.cancel(execution.command.execution_id, limit)
+
+    def _give_up(self, execution: _Execution, reason: str) -> None:
+        """End an execution whose executor did not answer a cancel, and give that agent nothing more."""
+        if execution.over():
+            return
+        agent = execution.command.agent
+        self.lost[agent] = f"executor of {agent!r} does not answer"
+        silence = f"the executor did not answer the cancel within {self._policy.grace_s:g} s"
+        self._end(execution, Outcome.TIMED_OUT, f"{reason}; {silence}", again=False)
+
+    def _refuse(self, execution: _Execution, reason: str) -> None:
+        self._emit(rejection(execution.command, time_ns=self._now(execution), reason=reason))
+        self._end(execution, Outcome.FAILED, reason, again=False)
+
+    def _end(self, execution: _Execution, outcome: Outcome, reason: str, *, again: bool = True) -> None:
+        """End an execution that its executor does not end."""
+        if execution.over():
+            self._note(f"executor of {execution.command.agent!r}, after its end: {reason}", {})
+            return
+        self._say(execution, TaskEnded, again=again, outcome=outcome, reason=reason)
+
+    def _say(
+        self,
+        execution: _Execution,
+        kind: type[TaskFact],
+        *,
+        again: bool = True,
+        **facts: Any,  # noqa: ANN401 - fields of `kind`
+    ) -> None:
+        fact = event_on(kind, execution.command, time_ns=self._now(execution), **facts)
+        self._emit(fact)
+        self._advance(execution, fact, apply(execution.state, fact)[0], again=again)
+
+    def _try_emit(self, executor: Executor | None, event: Event) -> bool:
+        """Return whether an event could be written."""
+        try:
+            self._emit(event)
+        except (InvalidEventError, IllegalEventError) as error:
+            self._drop(executor, event, str(error))
+            return False
+        return True
+
+    def _drop(self, executor: Executor | None, event: object, why: str) -> None:
+        """Keep what an executor said and what cannot be an event."""
+        agents = ", ".join(repr(agent) for agent, one in self._executors.items() if one is executor)
+        kind = event.kind if isinstance(event, Event) else type(event).__name__
+        self._note(f"executor of {agents} said {kind}, not taken: {why}", {"not_taken": _said(event)})
+
+    def _note(self, text: str, details: dict[str, Any]) -> None:
+        self._emit(AnnotationAdded(time_ns=self._clock.now_ns, reason=_text(text), details=details))
+
+    def _after(self, seconds: float, action: Callable[[], None]) -> None:
+        self._clock.schedule(self._clock.now_ns + round(seconds * NS_PER_S), action, AFTER_ALL)
+
+    def _now(self, execution: _Execution) -> int:
+        """Return the instant, never before what has happened to an execution."""
+        return max(self._clock.now_ns, execution.last_ns)
+
+
+def _is_instant(value: object) -> bool:
+    return isinstance(value, int)
+
+
+def _completed(execution: _Execution, event: TaskFact) -> TaskFact:
+    """Return an event with all of its command's ids, and no earlier than what happened before."""
+    command = execution.command
+    return replace(
+        event,
+        run_id=command.run_id,
+        time_ns=max(event.time_ns, execution.last_ns),
+        task_type=command.task_type,
+        role=command.role,
+        attempt=command.attempt,
+        item_id=command.item_id,
+        command_id=command.command_id,
+    )
+
+
+def _limited(execution: _Execution, fact: TaskFact) -> TaskFact:
+    """Return an end as timed out if a limit was the cause of it; work that was done all the same stays done."""
+    if isinstance(fact, TaskEnded) and execution.limit and fact.outcome in _TIMED_OUT_IF:
+        said = f" ({fact.reason})" if fact.reason not in ("", execution.limit) else ""
+        return replace(fact, outcome=Outcome.TIMED_OUT, reason=execution.limit + said)
+    return fact
+
+
+def _said(event: object) -> dict[str, Any]:
+    """Return what an event said, as JSON can hold it, without what it left out."""
+    if not isinstance(event, Event):
+        return {"value": _text(repr(event))}
+    said: dict[str, Any] = {"kind": event.kind}
+    for field in fields(event):
+        value = getattr(event, field.name)
+        with suppress(TypeError, ValueError):  # values that cannot even be compared
+            if value not in ("", None, {}, ()):
+                said[field.name] = value if isinstance(value, int) else _text(value)
+    return said
+
+
+def _named(error: Exception) -> str:
+    return _text(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
+
+
+def _text(value: object) -> str:
+    """Return a text that every log can hold."""
+    return str(value).encode(errors="backslashreplace").decode()

@@ -1,0 +1,1 @@
+"""Executors: who carries a single task out."""

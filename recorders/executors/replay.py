@@ -1,0 +1,119 @@
+"""An executor that does again what a log tells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+from hrclog.errors import DispatchError
+from hrclog.event_rows import from_row
+from hrclog.events import Event, Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted
+from hrclog.recorders.clock import Clock
+from hrclog.recorders.executors.player import Course, Player
+from hrclog.recorders.executors.protocol import Command, Emit, event_on
+
+
+class ReplayExecutor:
+    """Answer the n-th command of an (agent, task) with its n-th execution in a log: delays, pauses, end and reason.
+
+    A command beyond the log's last execution fails at once.
+
+    Args:
+        events: of one run.
+        clock: simulated or real.
+        agents: to act for; default all of the log.
+
+    Raises:
+        DispatchError: an agent has no execution in the log, or there are several runs.
+    """
+
+    def __init__(self, events: Iterable[Event], clock: Clock, agents: Iterable[str] | None = None) -> None:
+        recorded = list(events)
+        n_runs = len({event.run_id for event in recorded})
+        if n_runs > 1:
+            raise DispatchError(f"replay: found {n_runs} runs, expected one; give the log of a single run")
+        self._recorded = _executions(recorded)
+        known = tuple(dict.fromkeys(agent for agent, _ in self._recorded))
+        self._agents = known if agents is None else tuple(agents)
+        for agent in self._agents:
+            if agent not in known:
+                found = f"the log has no execution of {agent!r}, only of {', '.join(known) or 'nobody'}"
+                raise DispatchError(f"replay: {found}; choose another log")
+        self._last_ns = max((event.time_ns for event in recorded), default=0)
+        self._clock = clock
+        self._player = Player(clock)
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """The agents it acts for."""
+        return self._agents
+
+    def connect(self, emit: Emit) -> None:
+        """Send all events to `emit` from now on."""
+        self._player.emit = emit
+
+    def start(self, command: Command) -> None:
+        """Do again what was done."""
+        recorded = self._recorded.get((command.agent, command.task), [])
+        if recorded:
+            self._player.play(command, _course(command, recorded.pop(0), self._last_ns))
+            return
+        reason = f"the log has no further execution of {command.agent!r}, {command.task!r}"
+        now_ns = self._clock.now_ns
+        self._player.emit(event_on(TaskEnded, command, time_ns=now_ns, outcome=Outcome.FAILED, reason=reason))
+
+    def cancel(self, execution_id: str, reason: str) -> None:
+        """End an execution as canceled, now."""
+        self._player.cancel(execution_id, reason)
+
+
+def read_recorded(path: Path) -> list[Event]:
+    """Return the events of a log, in order.
+
+    Raises:
+        LogReadError: it cannot be read.
+    """
+    from hrclog.log.reader import read_events
+
+    return [from_row(row) for row in read_events(path).iter_rows(named=True)]
+
+
+def _executions(events: Iterable[Event]) -> dict[tuple[str, str], list[list[TaskFact]]]:
+    """Return the facts of every execution that was given to its agent, by (agent, task), in order of time."""
+    executions: dict[str, list[TaskFact]] = {}
+    for event in sorted(events, key=lambda event: (event.time_ns, event.seq)):
+        if isinstance(event, TaskFact):
+            executions.setdefault(event.execution_id, []).append(event)
+    found: dict[tuple[str, str], list[list[TaskFact]]] = {}
+    for facts in executions.values():
+        if isinstance(facts[0], TaskDispatched | TaskStarted):
+            found.setdefault((facts[0].agent, facts[0].task), []).append(facts)
+    return found
+
+
+def _course(command: Command, facts: list[TaskFact], last_ns: int) -> Course:
+    """Return an execution's events as those of another command."""
+    origin_ns = facts[0].time_ns
+    steps = [
+        (fact.time_ns - origin_ns, _again(command, fact)) for fact in facts if not isinstance(fact, TaskDispatched)
+    ]
+    if not isinstance(facts[-1], TaskEnded):
+        reason = "the log does not say how it ended"
+        end = event_on(TaskEnded, command, time_ns=0, outcome=Outcome.FAILED, reason=reason)
+        steps.append((last_ns - origin_ns, end))
+    return Course(tuple(steps))
+
+
+def _again(command: Command, fact: TaskFact) -> TaskFact:
+    same = replace(
+        fact,
+        run_id=command.run_id,
+        seq=0,
+        agent_time_ns=None,
+        execution_id=command.execution_id,
+        parent_execution_id="",
+    )
+    if not isinstance(same, TaskStarted):
+        return same
+    return replace(same, planned_start_ns=command.planned_start_ns, planned_end_ns=command.planned_end_ns)

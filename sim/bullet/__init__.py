@@ -1,0 +1,1 @@
+"""The stepped cell: robot and human move in PyBullet, tick by tick."""

@@ -1,0 +1,50 @@
+"""How much tasks of different agents slowed each other, counted while it happens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hrclog.sim.bullet.stepped import TICK_S
+from hrclog.sim.scenario import AgentTask
+from hrclog.sim.truth import PairTruth
+
+
+@dataclass(frozen=True, slots=True)
+class Going:
+    """An execution in a tick.
+
+    `rate` is the work done per time; `caused` is the rate that the others asked for, before any lag in obeying.
+    """
+
+    key: AgentTask
+    rate: float
+    caused: float
+
+
+class Couplings:
+    """Overlap and progress of every ordered pair of tasks of different agents, tick by tick."""
+
+    def __init__(self) -> None:
+        self._sums: dict[tuple[AgentTask, AgentTask], list[float]] = {}
+
+    def count(self, going: Mapping[str, Going]) -> None:
+        """Take in a tick.
+
+        Args:
+            going: by agent, what it is at.
+        """
+        for agent, one in going.items():
+            for other_agent, other in going.items():
+                if agent != other_agent:
+                    sums = self._sums.setdefault((one.key, other.key), [0.0, 0.0, 0.0])
+                    sums[0] += 1.0
+                    sums[1] += one.rate
+                    sums[2] += one.caused
+
+    def pairs(self) -> tuple[PairTruth, ...]:
+        """Return the sums so far, in s, by name."""
+        return tuple(
+            PairTruth(*key, *other, *(round(value * TICK_S, 9) for value in sums))
+            for (key, other), sums in sorted(self._sums.items())
+        )

@@ -1,0 +1,1 @@
+"""The cell that a scenario describes: robot, human, tables, boxes and safety settings."""

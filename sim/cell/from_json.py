@@ -1,0 +1,317 @@
+"""A cell as JSON: read strictly, every error says where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from hrclog.errors import ScenarioError
+from hrclog.json_record import JsonRecord
+from hrclog.scene import scene_text
+from hrclog.sim.cell.description import (
+    GO_TO,
+    HOME,
+    LOOKS_HZ,
+    PICK,
+    PICK_PLACE,
+    PLACE,
+    SEQUENCE,
+    SKILLS,
+    Box,
+    Cell,
+    Fault,
+    HumanModel,
+    Pose,
+    ProtectiveStop,
+    RobotModel,
+    Skill,
+    Slot,
+    Stand,
+)
+from hrclog.sim.cell.safety_settings import (
+    AREAS,
+    POLICIES,
+    Area,
+    AreasSettings,
+    Band,
+    DistanceSettings,
+    SafetySettings,
+    Slew,
+    SsmSettings,
+)
+from hrclog.sim.cell.scene import scene_of
+from hrclog.sim.lognormal import Lognormal
+
+CELL_FIELDS: Final = (
+    *("robot", "human", "objects", "fixtures", "slots", "stands", "skills", "safety"),
+    *("faults", "protective_stop", "longest_s", "signals_hz"),
+)
+TIME_FIELDS: Final = ("median_s", "sigma")
+
+
+def lognormal_from_json(entry: JsonRecord) -> Lognormal:
+    """Return the lognormal time of an object with `TIME_FIELDS`."""
+    return Lognormal(entry.positive("median_s"), entry.number("sigma", most=5.0))
+
+
+def cell_from_json(record: JsonRecord) -> Cell:
+    """Return the cell of a JSON object with the fields of `CELL_FIELDS`.
+
+    Raises:
+        ScenarioError: a field is missing, unknown, wrong or contradicts another.
+    """
+    cell = Cell(
+        robot=_robot(record.record("robot", _ROBOT_FIELDS)),
+        human=_human(record.record("human", _HUMAN_FIELDS)),
+        objects=tuple(box for entry in record.records("objects", _GROUP_FIELDS) for box in _objects(entry)),
+        fixtures=tuple(_fixture(entry) for entry in record.records("fixtures", _BOX_FIELDS, required=False)),
+        slots=tuple(slot for entry in record.records("slots", _SLOT_FIELDS) for slot in _slots(entry)),
+        stands=tuple(_stand(entry) for entry in record.records("stands", ("group", "offset"))),
+        skills=tuple(_skill(entry) for entry in record.records("skills", _SKILL_FIELDS)),
+        safety=_safety(record),
+        faults=tuple(
+            Fault(entry.text("agent"), entry.text("task"), entry.number("probability", most=1.0), entry.text("reason"))
+            for entry in record.records("faults", ("agent", "task", "probability", "reason"), required=False)
+        ),
+        protective_stop=_protective_stop(record),
+        longest_s=record.number("longest_s", 900.0, least=1.0),
+        signals_hz=record.number("signals_hz", LOOKS_HZ, most=LOOKS_HZ),
+    )
+    _check_scene(cell, record.where)
+    return cell
+
+
+def _check_scene(cell: Cell, where: str) -> None:
+    """Raise now for what no log could hold, and not after the first run."""
+    for policy in POLICIES:
+        try:
+            scene_text(scene_of(replace(cell, safety=replace(cell.safety, policy=policy))))
+        except ValueError as error:
+            raise ScenarioError(f"{where}: {error}; correct it") from error
+
+
+_SLOWEST = 0.01
+_FASTEST_M_S = 10.0
+_LONGEST_S = 600.0
+
+_ROBOT_FIELDS = (
+    *("agent", "rail_y", "base_z", "poses", "speed", "acceleration", "approach", "approach_m", "grasp_s"),
+    *("release_s", "planning"),
+)
+_HUMAN_FIELDS = (
+    *("agent", "home", "walk_speed", "hand_speed", "grasp_s", "release_s", "person_sigma", "repetition_sigma"),
+    *("hesitation_probability", "hesitation", "yield_m", "patience_s", "choice"),
+)
+_BOX_FIELDS = ("name", "size", "position", "color")
+_GROUP_FIELDS = ("group", "size", "color", "positions")
+_SLOT_FIELDS = ("group", "positions")
+_SKILL_FIELDS = ("agent", "task", "skill", "objects", "slots", "pose", "steps")
+_POLICY_FIELDS = {
+    "areas": ("areas", "fall_per_s", "rise_per_s", "deceleration"),
+    "distance": ("bands", "fall_per_s", "rise_per_s", "deceleration"),
+    "ssm": ("human_speed", "reaction_s", "deceleration", "clearance_m", "brakes", "fall_per_s", "rise_per_s"),
+}
+
+
+def _robot(entry: JsonRecord) -> RobotModel:
+    names = entry.names("poses")
+    poses = tuple(Pose(name, numbers(entry.record("poses", names), name, 7)) for name in names)
+    if HOME not in names:
+        raise entry.error("poses", "at least the pose 'home'")
+    planning = entry.record("planning", (PICK, PLACE))
+    return RobotModel(
+        agent=entry.text("agent"),
+        rail_y=entry.number("rail_y", least=-math.inf),
+        base_z=entry.number("base_z"),
+        poses=poses,
+        speed=share(entry, "speed"),
+        acceleration=share(entry, "acceleration"),
+        approach=share(entry, "approach"),
+        approach_m=entry.positive("approach_m"),
+        grasp_s=_seconds(entry, "grasp_s"),
+        release_s=_seconds(entry, "release_s"),
+        planning_pick=lognormal_from_json(planning.record(PICK, TIME_FIELDS)),
+        planning_place=lognormal_from_json(planning.record(PLACE, TIME_FIELDS)),
+    )
+
+
+def _human(entry: JsonRecord) -> HumanModel:
+    x, y, yaw_deg = numbers(entry, "home", 3)
+    return HumanModel(
+        agent=entry.text("agent"),
+        home=(x, y, math.radians(yaw_deg)),
+        walk_speed=_speed(entry, "walk_speed"),
+        hand_speed=_speed(entry, "hand_speed"),
+        grasp_s=_seconds(entry, "grasp_s"),
+        release_s=_seconds(entry, "release_s"),
+        person_sigma=entry.number("person_sigma", most=1.0),
+        repetition_sigma=entry.number("repetition_sigma", most=1.0),
+        hesitation_probability=entry.number("hesitation_probability", 0.0, most=1.0),
+        hesitation=lognormal_from_json(entry.record("hesitation", TIME_FIELDS))
+        if "hesitation" in entry
+        else Lognormal(1.0, 0.0),
+        yield_m=entry.number("yield_m", 0.0),
+        patience_s=entry.number("patience_s", 0.0),
+        choice=entry.integer("choice", 3, least=1),
+    )
+
+
+def _objects(entry: JsonRecord) -> list[Box]:
+    group, size, color = entry.text("group"), numbers(entry, "size", 3), _color(entry)
+    return [
+        Box(f"{group}_{number}", size, position, color, group)
+        for number, position in enumerate(points(entry, "positions"), 1)
+    ]
+
+
+def _fixture(entry: JsonRecord) -> Box:
+    return Box(entry.text("name"), numbers(entry, "size", 3), numbers(entry, "position", 3), _color(entry))
+
+
+def _slots(entry: JsonRecord) -> list[Slot]:
+    group = entry.text("group")
+    return [Slot(f"{group}_{number}", group, point) for number, point in enumerate(points(entry, "positions"), 1)]
+
+
+def _stand(entry: JsonRecord) -> Stand:
+    return Stand(entry.text("group"), numbers(entry, "offset", 2))
+
+
+def _skill(entry: JsonRecord) -> Skill:
+    kind = _choice(entry, "skill", SKILLS)
+    needed = {PICK: ("objects",), PLACE: ("slots",), PICK_PLACE: ("objects", "slots"), GO_TO: (), SEQUENCE: ("steps",)}
+    for name in needed[kind]:
+        if name not in entry:
+            raise entry.error(name, f"it, for a skill of kind {kind}")
+    return Skill(
+        agent=entry.text("agent"),
+        task=entry.text("task"),
+        kind=kind,
+        objects=entry.text("objects", ""),
+        slots=entry.text("slots", ""),
+        pose=entry.text("pose", "home"),
+        steps=entry.texts("steps", ()),
+    )
+
+
+def _safety(record: JsonRecord) -> SafetySettings:
+    entry = record.record("safety", ("policy", *POLICIES))
+    parts: dict[str, Any] = {"policy": _choice(entry, "policy", POLICIES)}
+    if parts["policy"] == AREAS and AREAS not in entry:
+        raise entry.error(AREAS, "the areas that the policy 'areas' goes by")
+    for name in POLICIES:
+        if name in entry:
+            parts[name] = _POLICIES[name](entry.record(name, _POLICY_FIELDS[name]))
+    return SafetySettings(**parts)
+
+
+def _areas(entry: JsonRecord) -> AreasSettings:
+    areas = [
+        Area(
+            area.text("name"),
+            numbers(area, "low", 2),
+            numbers(area, "high", 2),
+            area.number("scale", most=1.0),
+            _guarded(area),
+        )
+        for area in entry.records("areas", ("name", "low", "high", "scale", "guarded"))
+    ]
+    return AreasSettings(tuple(areas), _slew(entry), _deceleration(entry))
+
+
+def _guarded(entry: JsonRecord) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    if "guarded" not in entry:
+        return None
+    x0, y0, x1, y1 = numbers(entry, "guarded", 4)
+    return (x0, y0), (x1, y1)
+
+
+def _distance(entry: JsonRecord) -> DistanceSettings:
+    bands = [
+        Band(band.positive("nearer_than_m"), band.number("scale", most=1.0))
+        for band in entry.records("bands", ("nearer_than_m", "scale"))
+    ]
+    if not bands:
+        raise entry.error("bands", "at least one band")
+    return DistanceSettings(tuple(bands), _slew(entry), _deceleration(entry))
+
+
+def _ssm(entry: JsonRecord) -> SsmSettings:
+    return SsmSettings(
+        human_speed=entry.number("human_speed", 1.6),
+        reaction_s=entry.number("reaction_s", 0.15),
+        deceleration=_deceleration(entry),
+        clearance_m=entry.number("clearance_m", 0.2),
+        brakes=entry.positive("brakes") if "brakes" in entry else _deceleration(entry),
+        slew=_slew(entry),
+    )
+
+
+_POLICIES: Final[Mapping[str, Any]] = {"areas": _areas, "distance": _distance, "ssm": _ssm}
+
+
+def _slew(entry: JsonRecord) -> Slew:
+    fall, rise = (entry.positive(name) if name in entry else None for name in ("fall_per_s", "rise_per_s"))
+    return Slew(fall, rise)
+
+
+def _deceleration(entry: JsonRecord) -> float:
+    return entry.positive("deceleration") if "deceleration" in entry else 2.5
+
+
+def _protective_stop(record: JsonRecord) -> ProtectiveStop:
+    if "protective_stop" not in record:
+        return ProtectiveStop()
+    entry = record.record("protective_stop", ("rate_per_hour", "duration_s"))
+    return ProtectiveStop(entry.number("rate_per_hour"), entry.number("duration_s", 3.0))
+
+
+def _choice(entry: JsonRecord, name: str, allowed: tuple[str, ...]) -> str:
+    value = entry.text(name)
+    if value not in allowed:
+        raise entry.error(name, f"one of {', '.join(allowed)}")
+    return value
+
+
+def _color(entry: JsonRecord) -> tuple[int, int, int]:
+    red, green, blue = (round(value) for value in numbers(entry, "color", 3))
+    return red, green, blue
+
+
+def share(entry: JsonRecord, name: str) -> float:
+    """Return a number above 0 and at most 1; what is slower than a hundredth does not move in any run."""
+    value = entry.positive(name)
+    if not _SLOWEST <= value <= 1.0:
+        raise entry.error(name, f"a share above 0 and at most 1, no smaller than {_SLOWEST:g}")
+    return value
+
+
+def _speed(entry: JsonRecord, name: str) -> float:
+    value = entry.positive(name)
+    if not _SLOWEST <= value <= _FASTEST_M_S:
+        raise entry.error(name, f"a number from {_SLOWEST:g} to {_FASTEST_M_S:g} m/s")
+    return value
+
+
+def _seconds(entry: JsonRecord, name: str) -> float:
+    return entry.number(name, most=_LONGEST_S)
+
+
+def numbers(entry: JsonRecord, name: str, count: int) -> tuple[Any, ...]:
+    """Return a list of a given number of finite numbers."""
+    values = entry.numbers(name)
+    if len(values) != count:
+        raise entry.error(name, f"{count} numbers")
+    return values
+
+
+def points(entry: JsonRecord, name: str) -> list[tuple[float, float, float]]:
+    """Return a list of points of three finite numbers."""
+    found = []
+    for index, values in enumerate(entry.number_lists(name)):
+        if len(values) != 3:
+            raise entry.error(name, f"lists of 3 numbers, found {len(values)} in number {index + 1}")
+        found.append((values[0], values[1], values[2]))
+    return found
