@@ -109,6 +109,6 @@ class Analysis:
             runs: how many single runs it shows.
             title: its heading, "" for one that counts the runs.
         """
-        from hrclog.analyzers.report import save_report
+        from hrclog.analyzers.report.save import save_report
 
         save_report(self, Path(path), runs=runs, title=title)

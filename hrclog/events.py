@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, TypeVar
 
 SCHEMA_VERSION: Final = 1
 
@@ -266,3 +266,37 @@ EVENT_CLASSES: Final[dict[str, type[Event]]] = {
 """Kind to class, the whole vocabulary."""
 
 TASK_KINDS: Final = tuple(kind for kind, cls in EVENT_CLASSES.items() if issubclass(cls, TaskFact))
+
+Fact = TypeVar("Fact", bound=TaskFact)
+
+
+IDENTITY: Final = (
+    "run_id",
+    "agent",
+    "task",
+    "execution_id",
+    "task_type",
+    "role",
+    "attempt",
+    "item_id",
+    "command_id",
+    "parent_execution_id",
+)
+"""What all events of an execution share, and what its command names it by."""
+
+
+def identity(execution: object) -> dict[str, Any]:
+    """Return the fields of `IDENTITY` by name, of an event of an execution or of its command."""
+    return {name: getattr(execution, name) for name in IDENTITY}
+
+
+def event_on(kind: type[Fact], execution: object, *, time_ns: int, **facts: Any) -> Fact:  # noqa: ANN401 - fields of `kind`
+    """Return an execution's next event.
+
+    Args:
+        kind: class of the event.
+        execution: an event of the execution, or its command.
+        time_ns: when it happened, ns on the recorder's clock.
+        facts: further fields of that class.
+    """
+    return kind(time_ns=time_ns, **identity(execution), **facts)

@@ -4,29 +4,49 @@ from __future__ import annotations
 
 import operator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from hrclog.errors import InvalidEventError
-from hrclog.events import Cause, Outcome, TaskEnded, TaskFact, TaskPaused, TaskResumed, TaskStarted
+from hrclog.events import (
+    Cause,
+    Event,
+    Fact,
+    Outcome,
+    TaskEnded,
+    TaskFact,
+    TaskPaused,
+    TaskResumed,
+    TaskStarted,
+    event_on,
+)
 from hrclog.log.message import UNSET_INT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from hrclog.recorders.event_recorder import EventRecorder
-    from hrclog.state import Phase
+    from hrclog.state import ExecutionState, Phase
 
 NOW: Final = UNSET_INT
 """Stands for the instant at which the recorder takes an event."""
 
-Fact = TypeVar("Fact", bound=TaskFact)
+
+class ExecutionRecorder(Protocol):
+    """What a handle needs of the recorder that it belongs to."""
+
+    def record(self, event: Event) -> Event:
+        """Record an event."""
+        ...
+
+    def state(self, execution_id: str) -> ExecutionState:
+        """Return the state of an execution."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
 class TaskHandle:
     """One execution being recorded."""
 
-    recorder: EventRecorder
+    recorder: ExecutionRecorder
     fact: TaskFact
 
     @property
@@ -41,7 +61,7 @@ class TaskHandle:
 
     def start(self, *, time_ns: int | None = None) -> Self:
         """Record that a dispatched execution began."""
-        self.recorder.record(_of(TaskStarted, self.fact, time_ns))
+        self.recorder.record(self._next(TaskStarted, time_ns))
         return self
 
     def end(
@@ -59,7 +79,7 @@ class TaskHandle:
         """Record how the execution ended."""
         self.recorder.record(
             replace(
-                _of(TaskEnded, self.fact, time_ns),
+                self._next(TaskEnded, time_ns),
                 outcome=str(outcome),
                 reason=reason,
                 planned_duration_s=planned_duration_s,
@@ -72,11 +92,14 @@ class TaskHandle:
 
     def pause(self, cause: str = Cause.OPERATOR, reason: str = "", *, time_ns: int | None = None) -> None:
         """Record that the execution was halted."""
-        self.recorder.record(replace(_of(TaskPaused, self.fact, time_ns), cause=str(cause), reason=reason))
+        self.recorder.record(replace(self._next(TaskPaused, time_ns), cause=str(cause), reason=reason))
 
     def resume(self, *, time_ns: int | None = None) -> None:
         """Record that the execution went on."""
-        self.recorder.record(_of(TaskResumed, self.fact, time_ns))
+        self.recorder.record(self._next(TaskResumed, time_ns))
+
+    def _next(self, kind: type[Fact], time_ns: int | None) -> Fact:
+        return event_on(kind, self.fact, time_ns=instant(time_ns))
 
 
 def as_details(details: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -101,19 +124,3 @@ def instant(time_ns: int | None) -> int:
         return NOW if time_ns is None else operator.index(time_ns)
     except TypeError as error:
         raise InvalidEventError(f"time_ns is {time_ns!r}, expected whole nanoseconds since 1970") from error
-
-
-def _of(kind: type[Fact], fact: TaskFact, time_ns: int | None) -> Fact:
-    """Return an event of another kind on the same execution."""
-    return kind(
-        time_ns=instant(time_ns),
-        agent=fact.agent,
-        task=fact.task,
-        execution_id=fact.execution_id,
-        task_type=fact.task_type,
-        role=fact.role,
-        attempt=fact.attempt,
-        item_id=fact.item_id,
-        command_id=fact.command_id,
-        parent_execution_id=fact.parent_execution_id,
-    )

@@ -12,17 +12,26 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from hrclog.events import Cause, Event, Outcome, SafetyStateChanged, TaskEnded, TaskPaused, TaskResumed, TaskStarted
+from hrclog.events import (
+    Cause,
+    Event,
+    Outcome,
+    SafetyStateChanged,
+    TaskEnded,
+    TaskPaused,
+    TaskResumed,
+    TaskStarted,
+    event_on,
+)
 from hrclog.recorders.clock import Clock
-from hrclog.recorders.executors.protocol import Command, Emit, Executor, event_on
+from hrclog.recorders.executors.protocol import Command, Emit, Executor
 from hrclog.sim.scenario import AgentTask, Scenario
 from hrclog.sim.stream import Stream
 from hrclog.sim.truth import ExecutionTruth, PairTruth
+from hrclog.units import NS_PER_S
 
 if TYPE_CHECKING:
     from hrclog.log.encode import Signal
-
-NS_PER_S = 1_000_000_000
 
 _END, _BEGIN = 0, 1  # what ends at an instant ends before anything begins there: touching intervals do not overlap
 

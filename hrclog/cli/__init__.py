@@ -37,11 +37,11 @@ VERBS = {
 class LazyGroup(click.Group):
     """A group that imports a verb's module when the verb is used."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+    def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the verbs, sorted."""
         return sorted(VERBS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a verb's module and return its command."""
         if cmd_name not in VERBS:
             return None
@@ -49,7 +49,7 @@ class LazyGroup(click.Group):
         command: click.Command = importlib.import_module(f"hrclog.cli.{module}").command
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the verbs without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(sorted(VERBS.items()))
@@ -66,7 +66,7 @@ def cli() -> None:
     \b
     Example:
       hrclog demo
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
 
 
 def main(argv: Sequence[str] | None = None) -> int:

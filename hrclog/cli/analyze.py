@@ -62,7 +62,7 @@ def command(
     seed: int,
     workers: int,
     recordings: int | None,
-    as_json: bool,  # noqa: FBT001 - click passes flags by name
+    as_json: bool,
 ) -> int:
     """Rebuild what happened in recorded runs and estimate durations, overlaps and synergies.
 
@@ -72,7 +72,7 @@ def command(
     \b
     Example:
       hrclog analyze runs/*.mcap -o results
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     analysis = analyse(
         logs,
         output,

@@ -11,7 +11,7 @@ from hrclog.cli.common import EXIT_FAILED, Progress, json_option, logs_argument,
 @logs_argument
 @click.option("--strict", is_flag=True, help="Exit 1 on warnings too.")
 @json_option
-def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:
     """Look for damage and doubtful data in logs; nothing is written.
 
     Exit code: 0 all is there, 3 data was lost or cannot be used, with --strict 1 on warnings.
@@ -19,7 +19,7 @@ def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:  # noqa:
     \b
     Example:
       hrclog check --strict runs/*.mcap
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.projections.diagnostics import lint
     from hrclog.analyzers.projections.intervals import rebuild
     from hrclog.analyzers.projections.overlaps import overlaps

@@ -119,7 +119,7 @@ class Progress:
             click.echo("\r\x1b[K", err=True, nl=False)
 
 
-def print_json(value: Any) -> None:  # noqa: ANN401 - anything that JSON can hold
+def print_json(value: Any) -> None:
     """Print a value as JSON on standard output."""
     click.echo(json.dumps(value, ensure_ascii=False, indent=2, allow_nan=False))
 

@@ -49,7 +49,7 @@ def command(
     bootstrap: int,
     seed: int,
     workers: int,
-    as_json: bool,  # noqa: FBT001 - click passes flags by name
+    as_json: bool,
 ) -> int:
     """Compare two sets of runs: planners, days, safety settings.
 
@@ -59,7 +59,7 @@ def command(
     \b
     Example:
       hrclog compare 'runs/baseline_*.mcap' 'runs/synergistic_*.mcap'
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.comparison.compare import compare
     from hrclog.analyzers.output import check_writable
@@ -199,7 +199,7 @@ def _percent(value: float | None) -> str:
     return "n/a" if value is None else f"{100 * value:+.1f} %"
 
 
-def _flag(differs: bool | None) -> str:  # noqa: FBT001 - the only argument
+def _flag(differs: bool | None) -> str:
     return "n/a" if differs is None else "yes" if differs else "no"
 
 

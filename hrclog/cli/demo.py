@@ -19,13 +19,13 @@ from hrclog.cli.common import json_option, tell
     help="Folder for the results.",
 )
 @json_option
-def command(output: Path, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def command(output: Path, as_json: bool) -> int:
     """Analyse the sample runs that come with hrclog, and say where the pictures are.
 
     \b
     Example:
       hrclog demo
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     import hrclog.sample_logs as samples
     from hrclog.cli.analyze import analyse
 

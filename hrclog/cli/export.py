@@ -21,7 +21,7 @@ TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "syne
     "--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]"
 )
 @json_option
-def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, ...], as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, ...], as_json: bool) -> int:
     """Write events, intervals, overlaps, durations, synergies, runs, metrics and signals as CSV or Parquet.
 
     Instants are whole nanoseconds, durations seconds. The columns are described in docs/tables.md.
@@ -29,7 +29,7 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
     \b
     Example:
       hrclog export runs/*.mcap -o tables --format csv --table intervals
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.exporters.tables import write_table
     from hrclog.analyzers.output import check_writable

@@ -21,7 +21,7 @@ def command() -> None:
     "--report-gaps", is_flag=True, help="Report gaps in the numbering of the recipes: attempts deleted upstream."
 )
 @json_option
-def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: bool) -> int:
     """Import task_results dumps of the paper authors' stack, one log per recipe.
 
     Every id is derived from its row, so importing twice adds nothing.
@@ -29,7 +29,7 @@ def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: b
     \b
     Example:
       hrclog import mongo task_results.json -o runs --report-gaps
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.recorders.importers.gaps import gap_report
     from hrclog.recorders.importers.mongo import import_mongo
 

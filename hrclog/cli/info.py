@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 @click.command(name="info")
 @logs_argument
 @json_option
-def command(logs: tuple[str, ...], as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def command(logs: tuple[str, ...], as_json: bool) -> int:
     """Say what logs hold: files, runs, agents, events, span, and whether they were closed.
 
     \b
     Example:
       hrclog info run.mcap
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.log.reader import read_logs
 
     read = read_logs(logs, signals=True)

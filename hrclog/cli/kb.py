@@ -57,13 +57,13 @@ def command() -> None:
 @logs_argument
 @kb_option
 @json_option
-def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:
     """Take in the runs of logs; what was taken in before adds nothing. Statistics stay as they are.
 
     \b
     Example:
       hrclog kb ingest runs/*.mcap --kb kb.sqlite
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     with _opened(where, create=True) as kb:
         found = _ingest(kb, logs)
         _say(_of_runs(found), _sentence(found), as_json=as_json)
@@ -76,13 +76,13 @@ def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:  # noqa: FB
 @estimator_option
 @outliers_option
 @json_option
-def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:
     """Bring statistics up to date; runs of the logs given are taken in first.
 
     \b
     Example:
       hrclog kb update runs/*.mcap --kb kb.sqlite
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.learning.ingest import Ingested, update_statistics
 
     with _opened(where, create=bool(logs)) as kb:
@@ -97,13 +97,13 @@ def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: s
 @command.command(name="show")
 @kb_option
 @json_option
-def show(where: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def show(where: str, as_json: bool) -> int:
     """Show runs, durations and synergies, what they were made from, and declared guesses.
 
     \b
     Example:
       hrclog kb show --kb kb.sqlite
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.cli.kb_text import contents, contents_text
 
     with _opened(where) as kb, kb.view() as view:
@@ -120,13 +120,13 @@ def show(where: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags
 @click.option("--reason", default="", help="Why; kept beside the run.")
 @click.option("--undo", is_flag=True, help="Take it back into statistics.")
 @json_option
-def withdraw(run: str, where: str, reason: str, undo: bool, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def withdraw(run: str, where: str, reason: str, undo: bool, as_json: bool) -> int:
     """Leave a run, named by its id or name, out of statistics, also if it is given again.
 
     \b
     Example:
       hrclog kb withdraw paper_0003 --reason "the gripper was loose" --kb kb.sqlite
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.learning.ingest import update_statistics
 
     if undo and reason:
@@ -148,7 +148,7 @@ def withdraw(run: str, where: str, reason: str, undo: bool, as_json: bool) -> in
 )
 @click.option("--to", "target", metavar="URL", help="mongodb://USER@HOST/DATABASE to write copies to.")
 @json_option
-def export(where: str, output: Path | None, kind: str, target: str | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def export(where: str, output: Path | None, kind: str, target: str | None, as_json: bool) -> int:
     """Write the collections task_properties, task_results, task_durations and task_synergies.
 
     JSON has the shapes of the paper authors' stack, and `hrclog kb import` reads it back.
@@ -156,7 +156,7 @@ def export(where: str, output: Path | None, kind: str, target: str | None, as_js
     \b
     Example:
       hrclog kb export --kb kb.sqlite -o exported
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     if bool(output) == bool(target):
         raise click.UsageError("expected either -o DIR or --to mongodb://...")
     with _opened(where) as kb:
@@ -181,13 +181,13 @@ def export(where: str, output: Path | None, kind: str, target: str | None, as_js
 @click.argument("source", metavar="DIR", type=click.Path(path_type=Path))
 @kb_option
 @json_option
-def import_(source: Path, where: str, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def import_(source: Path, where: str, as_json: bool) -> int:
     """Take in what `hrclog kb export` wrote, or the paper authors' dumps task_results.json and task_properties.json.
 
     \b
     Example:
       hrclog kb import exported --kb kb.sqlite
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.learning.ingest import update_statistics
     from hrclog.cli.kb_import import import_folder
 
@@ -205,13 +205,13 @@ def import_(source: Path, where: str, as_json: bool) -> int:  # noqa: FBT001 - c
 @estimator_option
 @outliers_option
 @json_option
-def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:
     """Make everything anew from logs, put in place at once; withdrawals stay.
 
     \b
     Example:
       hrclog kb rebuild runs/*.mcap --kb kb.sqlite
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.learning.ingest import rebuild as rebuild_from
 
     reading = Progress("reading logs")

@@ -95,7 +95,7 @@ METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighb
     help="The plan's file, or with --random the folder; nothing is overwritten.",
 )
 @json_option
-def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its options hold
+def command(**options: Any) -> int:
     """Find the best plan of a problem by what was learnt, and say what is to be expected of it.
 
     PROBLEM is a scenario's name, or the file of a scenario or of a problem.
@@ -106,7 +106,7 @@ def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its opti
       hrclog kb update runs --kb kb.sqlite
       hrclog plan paper --kb kb.sqlite --show -o plan.json
       hrclog plan paper --random 10 --seed 1 -o plans
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     _check_options(options)
     problem, scenario = load_problem(options["problem_name"])
     _check_output(options)

@@ -56,7 +56,7 @@ class _Input:
         finally:
             self._waiting = False
 
-    def _stop(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the form of a signal handler
+    def _stop(self, number: int, frame: FrameType | None) -> None:
         self.stopped = True
         if self._waiting:  # elsewhere an event is being written, which must not be interrupted
             raise _Stop
@@ -73,11 +73,11 @@ class _Input:
 def command(
     path: Path,
     run: str,
-    resume: bool,  # noqa: FBT001 - click passes flags by name
-    fsync: bool,  # noqa: FBT001 - click passes flags by name
-    ack: bool,  # noqa: FBT001 - click passes flags by name
+    resume: bool,
+    fsync: bool,
+    ack: bool,
     knowledge: str | None,
-    as_json: bool,  # noqa: FBT001 - click passes flags by name
+    as_json: bool,
 ) -> int:
     """Record a run from JSON lines on standard input, until it closes.
 
@@ -88,7 +88,7 @@ def command(
     \b
     Example:
       echo '{"kind": "task_started", "agent": "robot", "task": "pick"}' | hrclog record run.mcap
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.recorders.stdin import Refused, record_stream
 
     def accepted(event: Event) -> None:

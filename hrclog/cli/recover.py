@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.argument("journals", nargs=-1, required=True, metavar="LOG...", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The finished log, for a single LOG.")
 @json_option
-def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> int:  # noqa: FBT001 - click passes flags by name
+def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> int:
     """Close logs whose recorder was killed: every event that can be read, nothing invented.
 
     NAME.mcap.partial becomes NAME.mcap. Of a damaged log a NAME.recovered.mcap is written beside it. Folders mean the
@@ -26,7 +26,7 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
     \b
     Example:
       hrclog recover run.mcap.partial
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     sources = [source for journal in journals for source in _sources(journal)]
     if output and len(sources) != 1:
         raise click.UsageError(f"-o goes with one log, found {len(sources)}")

@@ -32,7 +32,7 @@ _BAG_PARTS: Final = (".yaml", ".db3", ".mcap")
 _PICTURES: Final[tuple[PictureKind, ...]] = ("png", "svg")
 
 
-def _ending(*allowed: str) -> Any:  # noqa: ANN401 - click's callback
+def _ending(*allowed: str) -> Any:
     """Return a check that a file's name ends so: a slip of the hand must not overwrite a log."""
 
     def check(_context: click.Context, _parameter: click.Parameter, value: Path | None) -> Path | None:
@@ -76,7 +76,7 @@ def _ending(*allowed: str) -> Any:  # noqa: ANN401 - click's callback
 @click.option("--png", type=click.Path(path_type=Path), metavar="DIR", help="Write each figure as a PNG file too.")
 @click.option("--svg", type=click.Path(path_type=Path), metavar="DIR", help="Write each figure as an SVG file too.")
 @json_option
-def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its options hold
+def command(**options: Any) -> int:
     """Write what recorded runs tell into one HTML file: findings, figures, tables, single runs, methods.
 
     LOG is a log, a folder of logs, a glob or a ROS bag. The file asks for nothing else, so it can be mailed; it works
@@ -85,7 +85,7 @@ def command(**options: Any) -> int:  # noqa: ANN401 - click passes what its opti
     \b
     Example:
       hrclog report runs/*.mcap -o report.html --pdf figures.pdf
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     _check_folders(options)
     _check_logs_stay(options)
     analysis = _analysis(options)

@@ -84,7 +84,7 @@ _SIMULATED = "simulated"
 )
 @on_run_end_option
 @json_option
-def command(  # noqa: PLR0913 - an argument per option
+def command(
     *,
     plan_path: Path,
     scenario: str,
@@ -114,7 +114,7 @@ def command(  # noqa: PLR0913 - an argument per option
     Example:
       hrclog plan paper --random 1 -o plans
       hrclog run plans/plan-001.json --mode synchronous -o run.mcap
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from dataclasses import replace
 
     from hrclog.errors import LogExistsError

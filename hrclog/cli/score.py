@@ -50,14 +50,14 @@ def command(
     cv: int | None,
     train: tuple[str, ...],
     test: tuple[str, ...],
-    static: bool,  # noqa: FBT001 - click passes flags by name
+    static: bool,
     transfer_deviation: float,
     truth: Path | None,
     estimators: tuple[str, ...],
     outliers: str,
     seed: int,
     output: Path | None,
-    as_json: bool,  # noqa: FBT001 - click passes flags by name
+    as_json: bool,
 ) -> int:
     """Say how well estimators predict durations and makespans they have not seen.
 
@@ -68,7 +68,7 @@ def command(
     Example:
       hrclog score --cv 5 runs/*.mcap
       hrclog score --train monday --test tuesday
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.analyzers.prediction.score import score
     from hrclog.analyzers.prediction.settings import SCORED, cross_validate, predict_prequential, predict_static
     from hrclog.cli.score_text import score_text

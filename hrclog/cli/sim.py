@@ -50,7 +50,7 @@ def command(
     signals_hz: float | None,
     workers: int,
     knowledge: str | None,
-    as_json: bool,  # noqa: FBT001 - click passes flags by name
+    as_json: bool,
 ) -> int:
     """Simulate runs of a cell and write one log each, with the truth beside them.
 
@@ -61,7 +61,7 @@ def command(
     Example:
       hrclog sim --scenario paper --runs 50 --seed 1 -o simulated
       hrclog analyze simulated/*.mcap
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     from hrclog.sim.campaign import simulate_campaign
     from hrclog.sim.truth import TRUTH_FILE
 

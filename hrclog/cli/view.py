@@ -52,10 +52,10 @@ if TYPE_CHECKING:
 def command(
     target: Path,
     names: tuple[str, ...],
-    live: bool,  # noqa: FBT001 - click passes flags by name
+    live: bool,
     until_idle: float | None,
     every: float,
-    web: bool,  # noqa: FBT001 - click passes flags by name
+    web: bool,
     port: int,
     output: Path | None,
 ) -> int:
@@ -69,7 +69,7 @@ def command(
       hrclog view hrclog-out
       hrclog view run.mcap --web
       hrclog view runs --live
-    """  # noqa: D301 - click's \b keeps the line breaks
+    """
     web_port = port if web else None
     if live:
         if names or output is not None:
@@ -187,7 +187,7 @@ class _Stop:
         """Wait so long, or until asked to stop; return whether that was so."""
         return self._asked.wait(seconds)
 
-    def _ask(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - the form of a signal handler
+    def _ask(self, number: int, frame: FrameType | None) -> None:
         self._asked.set()
         self._restore()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
 
 from hrclog.errors import ScenarioError
 from hrclog.events import (
@@ -18,8 +17,7 @@ from hrclog.events import (
     TaskStarted,
 )
 from hrclog.planning.plan import Plan, PlanItem, plan_of_value
-
-NS_PER_S: Final = 1_000_000_000
+from hrclog.units import NS_PER_S
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,9 @@ from hrclog.planning.run_state import Replan
 from hrclog.recorders.clock import Action, Clock
 from hrclog.recorders.dispatch.policy import DispatchPolicy, OnFailure, ReplanOn
 from hrclog.recorders.dispatch.replanning import Replanner
-from hrclog.recorders.dispatch.task_manager import AFTER_ALL, NS_PER_S, TaskManager
+from hrclog.recorders.dispatch.task_manager import AFTER_ALL, TaskManager
 from hrclog.recorders.executors.protocol import Command, Emit, Executor
+from hrclog.units import NS_PER_S
 
 _FAILURES = (Outcome.FAILED, Outcome.TIMED_OUT)
 

@@ -10,10 +10,11 @@ from hrclog.errors import DispatchError
 from hrclog.events import Event, Outcome, TaskDispatched, TaskFact, TaskStarted
 from hrclog.planning.plan import Plan, PlanItem, plan_of_value
 from hrclog.planning.problem import Problem
-from hrclog.planning.run_state import NS_PER_S, Fold, Replan, RunState
+from hrclog.planning.run_state import Fold, Replan, RunState
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.dispatch.policy import DispatchPolicy, ReplanOn
 from hrclog.recorders.dispatch.task_manager import AFTER_ALL
+from hrclog.units import NS_PER_S
 
 
 class Replanner:

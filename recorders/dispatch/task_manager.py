@@ -21,14 +21,15 @@ from hrclog.events import (
     TaskEnded,
     TaskFact,
     TaskStarted,
+    event_on,
+    identity,
 )
 from hrclog.planning.problem import Problem
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.dispatch.policy import DispatchPolicy
-from hrclog.recorders.executors.protocol import Command, Emit, Executor, event_on, rejection
+from hrclog.recorders.executors.protocol import Command, Emit, Executor, rejection
 from hrclog.state import PLANNED, ExecutionState, Phase, apply
-
-NS_PER_S: Final = 1_000_000_000
+from hrclog.units import NS_PER_S
 
 AFTER_ALL: Final = 9
 """Priority of what looks at an instant when all that happens then has happened."""
@@ -292,17 +293,8 @@ def _is_instant(value: object) -> bool:
 
 def _completed(execution: _Execution, event: TaskFact) -> TaskFact:
     """Return an event with all of its command's ids, and no earlier than what happened before."""
-    command = execution.command
-    return replace(
-        event,
-        run_id=command.run_id,
-        time_ns=max(event.time_ns, execution.last_ns),
-        task_type=command.task_type,
-        role=command.role,
-        attempt=command.attempt,
-        item_id=command.item_id,
-        command_id=command.command_id,
-    )
+    ids = identity(execution.command) | {"agent": event.agent, "task": event.task}  # a wrong one is told, not mended
+    return replace(event, time_ns=max(event.time_ns, execution.last_ns), **ids)
 
 
 def _limited(execution: _Execution, fact: TaskFact) -> TaskFact:

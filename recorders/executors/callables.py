@@ -6,9 +6,9 @@ import threading
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from hrclog.events import Outcome, TaskEnded, TaskStarted
+from hrclog.events import Outcome, TaskEnded, TaskStarted, event_on
 from hrclog.recorders.clock import Clock
-from hrclog.recorders.executors.protocol import Command, Emit, event_on, rejection
+from hrclog.recorders.executors.protocol import Command, Emit, rejection
 
 Function = Callable[[Command], Any]
 """Does a task; it has succeeded when it returns, and failed when it raises."""

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from hrclog.events import Outcome, TaskEnded, TaskFact
+from hrclog.events import Outcome, TaskEnded, TaskFact, event_on
 from hrclog.recorders.clock import Clock
-from hrclog.recorders.executors.protocol import Command, Emit, event_on
+from hrclog.recorders.executors.protocol import Command, Emit
 
 _END, _BEGIN = 0, 1  # what ends at an instant ends before anything begins there
 

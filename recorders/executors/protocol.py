@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
-from hrclog.events import CommandRejected, Event, Role, TaskFact
-
-Fact = TypeVar("Fact", bound=TaskFact)
+from hrclog.events import CommandRejected, Event, Role
 
 Emit = Callable[[Event], None]
 """Takes an event the moment it happens. May be called from any thread, and from within `start` and `cancel`."""
@@ -27,33 +25,10 @@ class Command:
     task_type: str = ""
     role: str = Role.PRIMARY
     attempt: int = 1
+    parent_execution_id: str = ""
     planned_start_ns: int | None = None
     planned_end_ns: int | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
-
-
-def event_on(kind: type[Fact], command: Command, *, time_ns: int, **facts: Any) -> Fact:  # noqa: ANN401 - fields of `kind`
-    """Return an event on a command, with all of the command's ids.
-
-    Args:
-        kind: class of the event.
-        command: what it is about.
-        time_ns: when it happened, ns on the recorder's clock.
-        facts: further fields of that class.
-    """
-    return kind(
-        time_ns=time_ns,
-        run_id=command.run_id,
-        agent=command.agent,
-        task=command.task,
-        execution_id=command.execution_id,
-        task_type=command.task_type,
-        role=command.role,
-        attempt=command.attempt,
-        item_id=command.item_id,
-        command_id=command.command_id,
-        **facts,
-    )
 
 
 def rejection(command: Command, *, time_ns: int, reason: str) -> CommandRejected:
@@ -75,8 +50,8 @@ class Executor(Protocol):
 
     A command is answered by `command_rejected`, or by `task_started`, any number of pauses and resumptions, and one
     `task_ended`; one that is cancelled before its start by `task_ended` alone. Every event carries the command's ids
-    (`event_on`). Facts that belong to no command (safety states, heartbeats) come the same way. What breaks these
-    promises is kept as an annotation.
+    (`hrclog.events.event_on`). Facts that belong to no command (safety states, heartbeats) come the same way. What
+    breaks these promises is kept as an annotation.
     """
 
     @property

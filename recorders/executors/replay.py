@@ -8,10 +8,10 @@ from pathlib import Path
 
 from hrclog.errors import DispatchError
 from hrclog.event_rows import from_row
-from hrclog.events import Event, Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted
+from hrclog.events import Event, Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted, event_on
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.executors.player import Course, Player
-from hrclog.recorders.executors.protocol import Command, Emit, event_on
+from hrclog.recorders.executors.protocol import Command, Emit
 
 
 class ReplayExecutor:

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Final
 
 from hrclog.errors import ScenarioError
-from hrclog.events import Outcome, TaskEnded, TaskFact, TaskStarted
+from hrclog.events import Outcome, TaskEnded, TaskFact, TaskStarted, event_on
 from hrclog.json_record import JsonRecord, read_json
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.executors.player import Course, Player
-from hrclog.recorders.executors.protocol import Command, Emit, event_on, rejection
+from hrclog.recorders.executors.protocol import Command, Emit, rejection
+from hrclog.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 SCHEMA_VERSION: Final = 1
 
 _STEP_FIELDS: Final = ("agent", "task", "delay_s", "duration_s", "outcome", "reason", "misbehaviour")

@@ -27,7 +27,7 @@ from hrclog.sim.bullet.couplings import Couplings, Going
 from hrclog.sim.bullet.executors import HumanExecutor, RobotExecutor
 from hrclog.sim.bullet.robot import RobotPlanner, check_reach, make_arm
 from hrclog.sim.bullet.safety import Limit, Override, make_policy
-from hrclog.sim.bullet.stepped import NS_PER_S, TICK, TICK_NS, TICK_S, Shared
+from hrclog.sim.bullet.stepped import TICK, TICK_NS, TICK_S, Shared
 from hrclog.sim.bullet.stock import Stock
 from hrclog.sim.bullet.world import Separation, World
 from hrclog.sim.cell.description import LOOKS_HZ, Cell, Point, check_policy
@@ -37,6 +37,7 @@ from hrclog.sim.cell.safety_settings import AREAS
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.stream import Stream
 from hrclog.sim.truth import ExecutionTruth, PairTruth
+from hrclog.units import NS_PER_S
 
 _LOOK_EVERY: Final = 2
 _TOLD_CHANGE: Final = 0.1

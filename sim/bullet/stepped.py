@@ -17,16 +17,16 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, Protocol
 
-from hrclog.events import Cause, Outcome, Role, TaskEnded, TaskPaused, TaskResumed, TaskStarted
+from hrclog.events import Cause, Outcome, Role, TaskEnded, TaskPaused, TaskResumed, TaskStarted, event_on
 from hrclog.recorders.clock import Clock
-from hrclog.recorders.executors.protocol import Command, Emit, event_on
+from hrclog.recorders.executors.protocol import Command, Emit
 from hrclog.sim.bullet.stock import Stock
 from hrclog.sim.cell.description import PICK, PICK_PLACE, PLACE, SEQUENCE, Cell, Point, Skill
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.stream import Stream
 from hrclog.sim.truth import ExecutionTruth
+from hrclog.units import NS_PER_S
 
-NS_PER_S: Final = 1_000_000_000
 TICK_NS: Final = 10_000_000
 TICK_S: Final = TICK_NS / NS_PER_S
 
@@ -354,31 +354,17 @@ class SteppedExecutor(ABC):
             task=skill.task,
             execution_id=self._new_id(),
             command_id="",
+            parent_execution_id=command.execution_id,
             role=Role.AUXILIARY,
             task_type=skill.kind,
         )
-        self._emit(
-            event_on(
-                TaskStarted,
-                execution.step_command,
-                time_ns=self._clock.now_ns,
-                parent_execution_id=command.execution_id,
-            )
-        )
+        self._emit(event_on(TaskStarted, execution.step_command, time_ns=self._clock.now_ns))
 
     def _end_sub_step(self, execution: Execution, outcome: Outcome) -> None:
         if execution.step_command is None:
             return
         command, execution.step_command = execution.step_command, None
-        self._emit(
-            event_on(
-                TaskEnded,
-                command,
-                time_ns=self._clock.now_ns,
-                outcome=outcome,
-                parent_execution_id=execution.command.execution_id,
-            )
-        )
+        self._emit(event_on(TaskEnded, command, time_ns=self._clock.now_ns, outcome=outcome))
 
     def _pause(self, execution: Execution, scale: float) -> None:
         if execution.paused != (scale == 0.0):

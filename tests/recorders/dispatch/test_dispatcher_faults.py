@@ -24,12 +24,13 @@ from hrclog.events import (
     TaskFact,
     TaskPaused,
     TaskStarted,
+    event_on,
 )
 from hrclog.log.message import encode_row
 from hrclog.planning.plan import Arrival, Plan, PlanItem
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy, OnFailure
-from hrclog.recorders.executors.protocol import Command, Emit, Executor, event_on
+from hrclog.recorders.executors.protocol import Command, Emit, Executor
 from hrclog.recorders.executors.scripted import Misbehaviour, ScriptStep
 from hrclog.sim.event_queue import EventQueue
 
