@@ -15,10 +15,7 @@ import numpy as np
 from hrclog.arrays import FloatArray
 from hrclog.errors import ScenarioError
 from hrclog.sim.cell.description import Box, Cell, RobotModel
-
-MODELS: Final = Path(__file__).parent / "models"
-ROBOT_URDF: Final = MODELS / "robot.urdf"
-HUMAN_URDF: Final = MODELS / "human.urdf"
+from hrclog.sim.models import HUMAN_URDF, ROBOT_URDF
 
 FAR_M: Final = 10.0
 _MARGIN_M: Final = 0.005
