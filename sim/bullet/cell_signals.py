@@ -7,11 +7,12 @@ from typing import Final
 
 from hrclog.arrays import FloatArray
 from hrclog.log.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal, Signal
-from hrclog.sim.bullet.world import HUMAN_URDF, robot_urdf
+from hrclog.sim.bullet.world import robot_urdf
 from hrclog.sim.cell.description import Cell, Point
 from hrclog.sim.cell.human_kinematics import HUMAN_JOINT_NAMES
 from hrclog.sim.cell.robot_kinematics import JOINT_NAMES
 from hrclog.sim.cell.scene import scene_of
+from hrclog.sim.models import HUMAN_URDF
 
 _UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)
 

@@ -15,8 +15,9 @@ from hrclog.arrays import FloatArray
 from hrclog.errors import ScenarioError
 from hrclog.sim.bullet import world as world_module
 from hrclog.sim.bullet.robot import make_arm
-from hrclog.sim.bullet.world import FAR_M, HUMAN_URDF, World, load_pybullet, robot_urdf
+from hrclog.sim.bullet.world import FAR_M, World, load_pybullet, robot_urdf
 from hrclog.sim.cell.human_kinematics import HUMAN_LOWER, HUMAN_UPPER
+from hrclog.sim.models import HUMAN_URDF
 
 CELL = small_cell()
 ARM = make_arm(CELL.robot)
