@@ -123,8 +123,8 @@ class Registry(Mapping[str, T], Generic[T]):
         return name
 
     def _keep(self, name: str, made: T, where: str) -> None:
-        if name in self._paths or self._added.get(name, where) != where or name in self._entry_points():
-            holder = self._paths.get(name) or self._added.get(name) or self._entry_points()[name]
+        holder = self._paths.get(name) or self._added.get(name) or self._entry_points().get(name, where)
+        if holder != where:
             raise PluginError(f"{self.kind} {where}: the name {name!r} is taken by {holder}; choose another name")
         self._loaded[name], self._added[name] = made, where
 
