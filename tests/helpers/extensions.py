@@ -25,7 +25,8 @@ class MedianRatio(Estimator):
     def fit(self, observations: Observations, outliers: str = "none") -> Fit:  # noqa: ARG002 - an estimator's signature
         """Return the ratios."""
         pair, seconds = ["agent", "task", "other_agent", "other_task"], pl.col("duration_s")
-        usual = observations.executions.filter("finished").group_by("agent", "task").agg(seconds.median().alias("all"))
+        good = observations.executions.filter("finished")
+        usual = good.group_by("agent", "task").agg(seconds.median().alias("all"))
         quartiles = [
             seconds.quantile(level).alias(name) for name, level in (("mid", 0.5), ("low", 0.25), ("top", 0.75))
         ]
