@@ -39,7 +39,7 @@ ARROWS: Mapping[str, str] = {
     "analyzers.synergy": "analyzers.projections",
     "analyzers.learning": "log knowledge analyzers.projections analyzers.synergy",
     "analyzers.search": "planning knowledge",
-    "analyzers.prediction": "analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
+    "analyzers.prediction": "log analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
     "analyzers.result": "log analyzers.projections analyzers.synergy analyzers.figures",
     "analyzers.analysis": "log analyzers.projections analyzers.synergy analyzers.result",
     "analyzers.output": "analyzers.result",

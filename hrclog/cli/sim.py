@@ -101,6 +101,7 @@ def command(
             click.echo(f"runs in which something did not succeed: {failed} of {len(paths)}")
         if contacts is not None:
             click.echo(f"contacts while moving: {contacts} in {len(paths)} runs")
+        click.echo(f"Look at it: hrclog view {out_dir}")
     return code
 
 
