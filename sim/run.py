@@ -159,6 +159,12 @@ def policy_of(scenario: Scenario) -> DispatchPolicy:
     )
 
 
+def run_id_of(scenario: Scenario, seed: int, index: int, engine: str = ENGINES[0]) -> str:
+    """Return the id of a run of a campaign, which depends on all that the scenario says."""
+    queue = EventQueue(BASE_EPOCH_NS + index * _spacing_ns(scenario))
+    return _ids(scenario, seed, index, engine, (), queue)()
+
+
 def run_name(scenario: Scenario, index: int) -> str:
     """Return the name of a run, which is its file's name too."""
     return f"{scenario.name}_{index:04d}"

@@ -55,7 +55,8 @@ def command(
     """Simulate runs of a cell and write one log each, with the truth beside them.
 
     Every run carries out another random plan of the scenario. The true synergies and the work of every execution go to
-    truth.json, which no estimator reads. The same command goes on with a campaign that was killed.
+    truth.json, which no estimator reads. The same command goes on with a campaign that was killed, and with more --runs
+    it extends a finished one.
 
     \b
     Example:
