@@ -450,10 +450,8 @@ def test_an_extension_may_be_killed_at_any_moment(whole: dict[str, bytes], tmp_p
     for after in range(0, count, 3):
         folder = shutil.copytree(tmp_path / "first", tmp_path / str(after))
         die(folder, after)
-        if (folder / "truth.json").read_bytes() == whole["truth.json"]:  # it was over, but for clearing up
-            with pytest.raises(LogExistsError, match="a finished campaign is there: 3 runs"):
-                simulate_campaign(PAPER, RUNS, 1, folder)
-        else:
+        over = (folder / "truth.json").read_bytes() == whole["truth.json"]  # but for clearing up
+        with suppress(*[LogExistsError] * over):
             simulate_campaign(PAPER, RUNS, 1, folder)
         assert contents(folder) == whole, after
 
