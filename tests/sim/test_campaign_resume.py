@@ -367,8 +367,8 @@ def test_the_command_may_be_killed_at_any_moment(workers: str, tmp_path: Path) -
 @pytest.mark.slow
 def test_a_stepped_campaign_of_two_workers_goes_on_after_it_was_killed(tmp_path: Path, paper: Scenario) -> None:
     pytest.importorskip("pybullet")
-    options = "--runs", "6", "--engine", "bullet", "--workers", "2"
-    simulate_campaign(paper, 6, 1, tmp_path / "whole", engine="bullet")
+    options = "--runs", "4", "--engine", "bullet", "--workers", "2"
+    simulate_campaign(paper, 4, 1, tmp_path / "whole", engine="bullet")
     kill_after(start(tmp_path / "out", *options), tmp_path / "out", 2, 0.5)
     go_on(tmp_path / "out", *options)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
