@@ -33,7 +33,7 @@ def load_problem(name: str) -> tuple[Problem, Scenario | None]:
     if name not in scenario_names() and path.is_file():
         value = read_json(path, "a problem or a scenario")
         if not isinstance(value, Mapping) or "problem" not in value:
-            return problem_from_json(JsonRecord(value, str(path), PROBLEM_FIELDS)), None
+            return problem_from_json(JsonRecord(value, str(path), PROBLEM_FIELDS, problems=[])), None
     scenario = load_scenario(name)
     return scenario.problem, scenario
 

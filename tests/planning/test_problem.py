@@ -207,7 +207,7 @@ def test_a_task_has_one_follower_only() -> None:
             {"precedences": [{"before": "pick", "after": "place", "kind": "soon"}]},
             "kind: found 'soon', expected one of next, each, all",
         ),
-        ({"agents": ["human"]}, "cell: task 'pick': agent 'robot' is unknown"),
+        ({"agents": ["human"]}, "cell: 2 problems\n  task 'pick': agent 'robot' is unknown"),
     ],
 )
 def test_a_wrong_field_is_named_with_its_place(change: dict[str, object], message: str) -> None:
