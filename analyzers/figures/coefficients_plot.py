@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
@@ -32,34 +32,54 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     Estimates are within the axis. Intervals that reach beyond 100 (beyond 5 on a linear axis, which is taken where a
     factor is not above 0) are clipped, which an arrow says.
     """
-    lows = [row.value if row.low is None else row.low for row in plot.rows]
-    highs = [row.value if row.high is None else row.high for row in plot.rows]
-    values = [row.value for row in plot.rows]
-    log = all(value > 0 for value in values)
-    widest = _WIDEST_LOG if log else _WIDEST
-    least = min([1 / widest, *(0.9 * value for value in values)])
-    furthest = max([widest, *(1.1 * value for value in values)])
-    low, high = max(min([0.8, *lows]), least), min(max([1.2, *highs]), furthest)
-    clipped = sum(least < low or most > high for least, most in zip(lows, highs, strict=True))
-    some = "1 interval reaches" if clipped == 1 else f"{clipped} intervals reach"
-    beyond = (f"{some} beyond the axis; the table has the ends.",) if clipped else ()
+    log = all(row.value > 0 for row in plot.rows)
+    bounds = _bounds(plot.rows, _WIDEST_LOG if log else _WIDEST)
+    ends = _ends(plot.rows, bounds)
     drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
     count = max(len(drawn), 1)
     names = tuple((y, f"{row.name} ({row.n})") for y, row in drawn)
-    one = [Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")] if drawn else []
+    no_effect = [Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")] if drawn else []
     return Plot(
         path=path,
         title=plot.title,
         reading=plot.reading,
-        x=_axis(low, high, log=log),
+        x=_axis(*ends, log=log),
         y=Axis(count, 0, ticks=names or NAMELESS),
         area=(NARROW, count * _ROW),
-        strokes=(*one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high), log=log))),
-        texts=tuple(arrow for y, row in drawn for arrow in _arrows(row, y, (low, high))),
+        strokes=(*no_effect, *(stroke for y, row in drawn for stroke in _strokes(row, y, ends, log=log))),
+        texts=tuple(arrow for y, row in drawn for arrow in _arrows(row, y, ends)),
         dots=tuple(_dot(row, y) for y, row in drawn),
         keys=_KEYS if drawn else (),
-        notes=(*plot.captions, *beyond),
+        notes=(*plot.captions, *_clipped_note(plot.rows, bounds)),
     )
+
+
+def _bounds(rows: Sequence[Coefficient], widest: float) -> tuple[float, float]:
+    """Return how far the axis may reach down and up: to `widest`, and to every estimate with some room."""
+    values = [row.value for row in rows]
+    return min([1 / widest, *(0.9 * value for value in values)]), max([widest, *(1.1 * value for value in values)])
+
+
+def _ends(rows: Sequence[Coefficient], bounds: tuple[float, float]) -> tuple[float, float]:
+    """Return the ends of the axis: those of all intervals and some room around 1, within the bounds."""
+    low, high = min([0.8, *map(_low, rows)]), max([1.2, *map(_high, rows)])
+    return max(low, bounds[0]), min(high, bounds[1])
+
+
+def _low(row: Coefficient) -> float:
+    return row.value if row.low is None else row.low
+
+
+def _high(row: Coefficient) -> float:
+    return row.value if row.high is None else row.high
+
+
+def _clipped_note(rows: Sequence[Coefficient], bounds: tuple[float, float]) -> tuple[str, ...]:
+    clipped = sum(_low(row) < bounds[0] or _high(row) > bounds[1] for row in rows)
+    if not clipped:
+        return ()
+    some = "1 interval reaches" if clipped == 1 else f"{clipped} intervals reach"
+    return (f"{some} beyond the axis; the table has the ends.",)
 
 
 def _axis(low: float, high: float, *, log: bool) -> Axis:
