@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import polars as pl
 
@@ -188,8 +188,9 @@ def _knots(rows: pl.DataFrame, of: dict[str, str], columns: tuple[str, str, str,
     return tuple(_knot(name, unit, *row) for row in own.iter_rows())
 
 
-def _knot(name: str, unit: str, runs: int, *numbers: Any) -> Knot | None:  # noqa: ANN401 - float, int or None
-    value, low, high, n = numbers
+def _knot(
+    name: str, unit: str, runs: int, value: float | None, low: float | None, high: float | None, n: int
+) -> Knot | None:
     # a regression may say what no logarithm has
     if value is None or not (math.isfinite(value) and value > 0):
         return None
