@@ -10,6 +10,7 @@ from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
 from hrclog.analyzers.figures.curves import log_ticks
 from hrclog.analyzers.figures.palette import Color, Paint
 from hrclog.analyzers.figures.plot import NAMELESS, NARROW, Axis, Dot, Key, Plot, Stroke, Text
+from hrclog.wording import counted
 
 _WIDEST: Final = 5.0
 _WIDEST_LOG: Final = 100.0
@@ -78,8 +79,8 @@ def _clipped_note(rows: Sequence[Coefficient], bounds: tuple[float, float]) -> t
     clipped = sum(_low(row) < bounds[0] or _high(row) > bounds[1] for row in rows)
     if not clipped:
         return ()
-    some = "1 interval reaches" if clipped == 1 else f"{clipped} intervals reach"
-    return (f"{some} beyond the axis; the table has the ends.",)
+    which = counted(clipped, "interval reaches", "intervals reach")
+    return (f"{which} beyond the axis; the table has the ends.",)
 
 
 def _axis(low: float, high: float, *, log: bool) -> Axis:

@@ -15,6 +15,7 @@ from hrclog.analyzers.figures.series import BEYOND
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.projections.mean_interval import mean_interval
 from hrclog.arrays import FloatArray, IntArray
+from hrclog.wording import counted
 
 MAX_DOTS: Final = 500
 """Dots of a row."""
@@ -159,7 +160,7 @@ def _omissions(
 ) -> Iterator[str]:
     """Yield a note for each kind of thing that the plot leaves out, and how much of it."""
     if len(known) > MAX_ROWS:
-        yield f"{len(known) - MAX_ROWS} further rows are not drawn."
+        yield f"{counted(len(known) - MAX_ROWS, 'further row is', 'further rows are')} not drawn."
     if any(len(row.values) > MAX_DOTS for row in drawn):
         yield f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all."
     if clipped := sum(_is_clipped(row, axis) for row in drawn):

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
+from hrclog.wording import counted
 
 TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics", "signals")
 
@@ -43,5 +44,5 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
     else:
         for path, rows in written:
-            click.echo(f"{path}: {rows} rows")
+            click.echo(f"{path}: {counted(rows, 'row')}")
     return tell(analysis.diagnostics)

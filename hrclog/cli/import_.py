@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from hrclog.cli.common import Progress, json_option, print_json, table, tell
+from hrclog.wording import agree, counted
 
 
 @click.group(name="import")
@@ -55,12 +56,13 @@ def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: b
         )
     else:
         click.echo(
-            f"{len(result.recipes)} runs, {result.n_executions} executions: "
-            f"{len(result.written)} logs written to {output}, {len(result.unchanged)} there already"
+            f"{counted(len(result.recipes), 'run')}, {counted(result.n_executions, 'execution')}: "
+            f"{counted(len(result.written), 'log')} written to {output}, {len(result.unchanged)} there already"
         )
         if report_gaps:
             click.echo(
-                f"{missing} of {attempts} attempts are missing from the numbering (deleted upstream, probably failed):"
+                f"{missing} of {counted(attempts, 'attempt')} {agree(missing, 'is', 'are')} missing from the numbering "
+                "(deleted upstream, probably failed):"
             )
             click.echo(
                 table(

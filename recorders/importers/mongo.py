@@ -23,6 +23,7 @@ from hrclog.log.decode import frame_of_rows
 from hrclog.log.reader import read_log
 from hrclog.log.writer import write_log
 from hrclog.recorders.importers.mongo_dump import document_id, finite_number, read_task_results
+from hrclog.wording import counted
 
 SOURCE: Final = "mongo"
 
@@ -194,7 +195,10 @@ def _check_unchanged(path: Path, events: list[Event]) -> None:
     remedy = "the dump has changed since: import into an empty folder"
     if existing.height != len(events):
         raise ImportDataError(
-            path, f"a log of {existing.height} events", f"{len(events)} events of this recipe", remedy
+            path,
+            f"a log of {counted(existing.height, 'event')}",
+            f"{counted(len(events), 'event')} of this recipe",
+            remedy,
         )
     imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
     for seq, (old, new) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
