@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Final
 
 from hrclog.analyzers.projections.diagnostics import impossible_factors, lint
 from hrclog.analyzers.projections.durations import durations
@@ -14,18 +13,16 @@ from hrclog.analyzers.projections.overlaps import overlaps, pair_overlaps
 from hrclog.analyzers.projections.runs import runs
 from hrclog.analyzers.result import Analysis
 from hrclog.analyzers.synergy.bootstrap import with_bootstrap
-from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
+from hrclog.analyzers.synergy.estimator import estimate
+from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS, EstimatorName
 from hrclog.analyzers.synergy.observations import observe
-from hrclog.analyzers.synergy.outliers import Outliers
-from hrclog.errors import HrclogError
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, Outliers
 from hrclog.log.reader import Logs, read_logs
-
-DEFAULT_ESTIMATOR: Final = next(iter(ESTIMATORS))
 
 
 def analyze(
     paths: str | Path | Iterable[str | Path],
-    estimator: str = DEFAULT_ESTIMATOR,
+    estimator: EstimatorName = DEFAULT_ESTIMATOR,
     outliers: Outliers = "none",
     on_file: Callable[[Path], None] = lambda _: None,
     *,
@@ -38,7 +35,7 @@ def analyze(
 
     Args:
         paths: what to read.
-        estimator: aft, bayes, ols or paper.
+        estimator: aft, bayes, ols or paper, one that was registered, or `package.module:NAME`.
         outliers: none or isolation-forest.
         on_file: called after each file, for progress.
         bootstrap: how many times to draw the runs anew for errors and intervals of synergies; 0 keeps the estimator's.
@@ -47,15 +44,14 @@ def analyze(
         on_draws: told how many further draws are done, for progress.
 
     Raises:
-        HrclogError: the estimator or outlier method is not known.
+        PluginError: the estimator or outlier method is not known.
+        EstimatorError: the estimator failed, or returned no fit.
         LogReadError: nothing matched, or no file could be read.
     """
-    _check_choice("estimator", estimator, ESTIMATORS)
-    _check_choice("outliers", outliers, OUTLIERS)
+    names = _checked(estimator, outliers)  # before the logs are read
     return analyze_logs(
         read_logs([paths] if isinstance(paths, str | Path) else paths, signals=True, on_file=on_file),
-        estimator,
-        outliers,
+        *names,
         bootstrap=bootstrap,
         seed=seed,
         workers=workers,
@@ -65,7 +61,7 @@ def analyze(
 
 def analyze_logs(
     logs: Logs,
-    estimator: str = DEFAULT_ESTIMATOR,
+    estimator: EstimatorName = DEFAULT_ESTIMATOR,
     outliers: Outliers = "none",
     *,
     bootstrap: int = 0,
@@ -78,9 +74,10 @@ def analyze_logs(
     found = overlaps(executions)
     table = runs(logs.events, executions)
     observations = observe(executions)
-    fit = ESTIMATORS[estimator](observations, outliers)
+    made_by = ESTIMATORS[estimator]
+    fit = estimate(made_by, observations, outliers)
     if bootstrap:
-        fit = with_bootstrap(fit, observations, estimator, outliers, bootstrap, seed, workers, on_draws)
+        fit = with_bootstrap(fit, observations, made_by, outliers, bootstrap, seed, workers, on_draws)
     lints = [*lint(logs.events, executions, found, table), *impossible_factors(fit.synergies)]
     return Analysis(
         events=logs.events,
@@ -93,7 +90,7 @@ def analyze_logs(
         runs=table,
         metrics=metrics(executions, logs.events, logs.signals),
         diagnostics=[*logs.diagnostics, *illegal, *lints],
-        estimator=estimator,
+        estimator=made_by.name,
         outliers=outliers,
         bootstrap=bootstrap,
         observations=observations,
@@ -102,6 +99,10 @@ def analyze_logs(
     )
 
 
-def _check_choice(what: str, found: str, known: Iterable[str]) -> None:
-    if found not in known:
-        raise HrclogError(f"{what} is {found!r}, expected one of {', '.join(known)}")
+def _checked(estimator: str, outliers: str) -> tuple[str, str]:
+    """Return the names under which an estimator and an outlier method are known.
+
+    Raises:
+        PluginError: one of them is not.
+    """
+    return ESTIMATORS[estimator].name, OUTLIER_METHODS[outliers].name

@@ -13,7 +13,7 @@ from hrclog._version import __version__
 from hrclog.analyzers.projections.metrics import nested
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.diagnostic import Diagnostic
 from hrclog.log.recorded_scene import RecordedScene
 

@@ -83,7 +83,10 @@ def main() -> None:
 def _tables(data: Path | None, repeats: int) -> Iterator[tuple[str, str]]:
     scenario = load_scenario("paper")
     runs = _simulated(scenario, max(SIZES) * repeats)
-    yield "truth", _truth_table(scenario, runs, repeats, {name: ESTIMATORS[name] for name in ESTIMATORS} | _yardstick())
+    yield (
+        "truth",
+        _truth_table(scenario, runs, repeats, {name: ESTIMATORS[name].fit for name in ESTIMATORS} | _yardstick()),
+    )
     yield "priors", _priors_table(scenario, runs, repeats)
     yield "size", _size_table(runs)
     yield "misspecified", _misspecified_table(scenario, repeats)
@@ -205,7 +208,7 @@ def _published_table(path: Path, offline: pl.DataFrame) -> str:
     lines = ["| estimator | largest difference of s | mean | largest ratio of standard errors | counters equal |"]
     lines.append("| --- " * 5 + "|")
     for name in ("bayes", "ols"):
-        table = ESTIMATORS[name](observations, "none").synergies
+        table = ESTIMATORS[name].fit(observations, "none").synergies
         both = published.join(table, on=["agent", "task", "other_agent", "other_task"])
         apart = (both["synergy"] - both["published"]).abs()
         ratio = both["std_err"] / both["published_error"]
@@ -271,7 +274,7 @@ def _widths_table(offline: pl.DataFrame) -> str:
     for part in folds(observations.runs, 5, 0):
         train = observations.without(part)
         fit = aft(train)
-        for name, models in zip(rows, (fit.models, conformal(fit, train).models), strict=True):
+        for name, models in zip(rows, (fit.models, conformal(ESTIMATORS["aft"], fit, train).models), strict=True):
             for run in part:
                 rows[name] += held_out.forecasts(name, run, lambda key, _, models=models: models.get(key))  # type: ignore[misc]  # a lambda's default has no type
     lines = ["| width of `aft` | CRPS s | 90 % covers | log-likelihood |", "| --- " * 4 + "|"]

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
-    _version arrays diagnostic errors event_rows events file_names ids json_record parallel
+    _version arrays diagnostic errors event_rows events file_names ids json_record parallel plugins
     recipe_names scene state units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""
@@ -39,7 +39,7 @@ ARROWS: Mapping[str, str] = {
     "analyzers.synergy": "analyzers.projections",
     "analyzers.learning": "log knowledge analyzers.projections analyzers.synergy",
     "analyzers.search": "planning knowledge",
-    "analyzers.prediction": "analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
+    "analyzers.prediction": "log analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
     "analyzers.result": "log analyzers.projections analyzers.synergy analyzers.figures",
     "analyzers.analysis": "log analyzers.projections analyzers.synergy analyzers.result",
     "analyzers.output": "analyzers.result",

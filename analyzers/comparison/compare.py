@@ -17,7 +17,6 @@ from hrclog.analyzers.comparison.synergies import compare_synergies, draw_synerg
 from hrclog.analyzers.comparison.totals import duration_totals, metric_totals, plan_totals, success_totals
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.result import Analysis
-from hrclog.analyzers.synergy.outliers import Outliers
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
 from hrclog.wording import counted
@@ -130,9 +129,8 @@ def compare(
     pairs_a, pairs_b = (side_synergies(side.synergies, side.observations) for side in (a, b))
     drawn: list[pl.DataFrame | None] = [None, None]
     if bootstrap and all(len(side.observations.runs) > 1 for side in (a, b)) and _some_in_common(pairs_a, pairs_b):
-        outliers: Outliers = "isolation-forest" if a.outliers == "isolation-forest" else "none"
         drawn = [
-            draw_synergies(side.observations, a.estimator, outliers, bootstrap, seed, workers, on_draws)
+            draw_synergies(side.observations, a.estimator, a.outliers, bootstrap, seed, workers, on_draws)
             for side in (a, b)
         ]
     return Comparison(

@@ -12,8 +12,9 @@ from hrclog.analyzers.comparison.draws import percentile_interval, side_seed, wi
 from hrclog.analyzers.comparison.schemas import SYNERGIES
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.bootstrap import bootstrap
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import Observations
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
 from hrclog.arrays import FloatArray
 
@@ -34,7 +35,7 @@ def draw_synergies(
 ) -> pl.DataFrame:
     """Return what the estimator says of runs drawn with repetition, as `bootstrap` does, with the side's own seed."""
     seed = side_seed(seed, observations.runs)
-    return bootstrap(observations, estimator, outliers, replicates, seed, workers, on_draws)
+    return bootstrap(observations, ESTIMATORS[estimator], outliers, replicates, seed, workers, on_draws)
 
 
 def side_synergies(synergies: pl.DataFrame, observations: Observations) -> pl.DataFrame:

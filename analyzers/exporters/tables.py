@@ -1,4 +1,4 @@
-"""Frames as CSV or Parquet files."""
+"""Tables as CSV or Parquet files."""
 
 from __future__ import annotations
 
@@ -6,24 +6,28 @@ from pathlib import Path
 
 import polars as pl
 
-from hrclog.errors import OutputError
+from hrclog.analyzers.exporters.exporter import Exporter
 
 
-def write_table(frame: pl.DataFrame, path: Path) -> tuple[Path, int]:
-    """Write a frame by the ending of `path`, .csv or .parquet; lists become texts joined by "|" in CSV.
+class Csv(Exporter):
+    """Comma-separated values; lists become texts joined by "|"."""
 
-    Returns:
-        The path and the number of rows.
+    name = "csv"
+    summary = "comma-separated values"
+    suffix = ".csv"
 
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.suffix == ".parquet":
-            frame.write_parquet(path)
-        else:
-            frame.with_columns(pl.col(pl.List(pl.String)).list.join("|")).write_csv(path)
-    except OSError as error:
-        raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
-    return path, frame.height
+    def write(self, frame: pl.DataFrame, path: Path) -> None:
+        """Write a frame."""
+        frame.with_columns(pl.col(pl.List(pl.String)).list.join("|")).write_csv(path)
+
+
+class Parquet(Exporter):
+    """Apache Parquet."""
+
+    name = "parquet"
+    summary = "Apache Parquet"
+    suffix = ".parquet"
+
+    def write(self, frame: pl.DataFrame, path: Path) -> None:
+        """Write a frame."""
+        frame.write_parquet(path)

@@ -34,8 +34,7 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     factor is not above 0) are clipped, which an arrow says.
     """
     log = all(row.value > 0 for row in plot.rows)
-    bounds = _bounds(plot.rows, _WIDEST_LOG if log else _WIDEST)
-    ends = _ends(plot.rows, bounds)
+    low, high, clipped = _ends(plot.rows, log=log)
     drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
     count = max(len(drawn), 1)
     names = tuple((y, f"{row.name} ({row.n})") for y, row in drawn)
@@ -44,39 +43,30 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
         path=path,
         title=plot.title,
         reading=plot.reading,
-        x=_axis(*ends, log=log),
+        x=_axis(low, high, log=log),
         y=Axis(count, 0, ticks=names or NAMELESS),
         area=(NARROW, count * _ROW),
-        strokes=(*no_effect, *(stroke for y, row in drawn for stroke in _strokes(row, y, ends, log=log))),
-        texts=tuple(arrow for y, row in drawn for arrow in _arrows(row, y, ends)),
+        strokes=(*no_effect, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high), log=log))),
+        texts=tuple(arrow for y, row in drawn for arrow in _arrows(row, y, (low, high))),
         dots=tuple(_dot(row, y) for y, row in drawn),
         keys=_KEYS if drawn else (),
-        notes=(*plot.captions, *_clipped_note(plot.rows, bounds)),
+        notes=(*plot.captions, *_beyond(clipped)),
     )
 
 
-def _bounds(rows: Sequence[Coefficient], widest: float) -> tuple[float, float]:
-    """Return how far the axis may reach down and up: to `widest`, and to every estimate with some room."""
+def _ends(rows: Sequence[Coefficient], *, log: bool) -> tuple[float, float, int]:
+    """Return the ends of the axis, and how many intervals reach beyond them."""
     values = [row.value for row in rows]
-    return min([1 / widest, *(0.9 * value for value in values)]), max([widest, *(1.1 * value for value in values)])
+    lows = [row.value if row.low is None else row.low for row in rows]
+    highs = [row.value if row.high is None else row.high for row in rows]
+    widest = _WIDEST_LOG if log else _WIDEST
+    least = min([1 / widest, *(0.9 * value for value in values)])
+    furthest = max([widest, *(1.1 * value for value in values)])
+    low, high = max(min([0.8, *lows]), least), min(max([1.2, *highs]), furthest)
+    return low, high, sum(first < low or last > high for first, last in zip(lows, highs, strict=True))
 
 
-def _ends(rows: Sequence[Coefficient], bounds: tuple[float, float]) -> tuple[float, float]:
-    """Return the ends of the axis: those of all intervals and some room around 1, within the bounds."""
-    low, high = min([0.8, *map(_low, rows)]), max([1.2, *map(_high, rows)])
-    return max(low, bounds[0]), min(high, bounds[1])
-
-
-def _low(row: Coefficient) -> float:
-    return row.value if row.low is None else row.low
-
-
-def _high(row: Coefficient) -> float:
-    return row.value if row.high is None else row.high
-
-
-def _clipped_note(rows: Sequence[Coefficient], bounds: tuple[float, float]) -> tuple[str, ...]:
-    clipped = sum(_low(row) < bounds[0] or _high(row) > bounds[1] for row in rows)
+def _beyond(clipped: int) -> tuple[str, ...]:
     if not clipped:
         return ()
     which = counted(clipped, "interval reaches", "intervals reach")

@@ -48,7 +48,7 @@ class _Drawn:
     """A row at its place, its values in order, and the mean with its interval."""
 
     top: float
-    name: str
+    row: Row
     values: FloatArray
     labels: tuple[str, ...]
     mean: float
@@ -87,23 +87,42 @@ def rows_plot(
     known = [row for row in map(_known, rows) if row.values]
     drawn = [_placed(top, row) for top, row in enumerate(known[:MAX_ROWS])]
     axis = _span(drawn, zero=zero) if drawn else (0.0, 1.0)
-    count = max(len(drawn), 1)
     return Plot(
         path=path,
         title=title,
         reading=reading,
         x=Axis(*axis, label, grid=True),
-        y=Axis(count, 0, ticks=tuple((row.top + 0.5, _name(row)) for row in drawn) or NAMELESS),
-        area=(WIDE, count * (_ROW if len(drawn) <= _MANY else _DENSE_ROW)),
-        rects=_boxes(drawn, unit) if boxes else (),
-        strokes=(
-            *(_zero_line(axis[0], len(drawn)) if zero else ()),
-            *(stroke for row in drawn for stroke in _strokes(row, axis, unit, boxes=boxes)),
-        ),
-        dots=tuple(dot for row in drawn for dot in _dots(row, unit)),
+        y=Axis(max(len(drawn), 1), 0, ticks=tuple((one.top + 0.5, _name(one)) for one in drawn) or NAMELESS),
+        area=(WIDE, max(len(drawn), 1) * (_ROW if len(drawn) <= _MANY else _DENSE_ROW)),
+        rects=tuple(_box(one, unit) for one in drawn if boxes and len(one.values) > 1),
+        strokes=(*_line_at_zero(axis, len(drawn), zero=zero), *_all_strokes(drawn, axis, unit, boxes=boxes)),
+        dots=tuple(dot for one in drawn for dot in _dots(one, unit)),
         keys=_keys(boxes=boxes),
-        notes=(*notes, *_omissions(rows, known, drawn, axis)),
+        notes=(*notes, *(text for text in _not_drawn(rows, known, drawn, axis) if text)),
     )
+
+
+def _line_at_zero(axis: tuple[float, float], rows: int, *, zero: bool) -> tuple[Stroke, ...]:
+    return (Stroke(((0.0, 0.0), (0.0, rows)), "muted", 1.0, "0"),) if zero and axis[0] < 0 else ()
+
+
+def _all_strokes(drawn: Sequence[_Drawn], axis: tuple[float, float], unit: str, *, boxes: bool) -> tuple[Stroke, ...]:
+    return tuple(stroke for one in drawn for stroke in _strokes(one, axis, unit, boxes=boxes))
+
+
+def _not_drawn(
+    rows: Sequence[Row], known: Sequence[Row], drawn: Sequence[_Drawn], axis: tuple[float, float]
+) -> Iterator[str]:
+    """Yield what the plot leaves out, "" where it leaves out nothing of a kind."""
+    left_out = sum(len(row.values) for row in rows) - sum(len(row.values) for row in known)
+    ends = [(one.low, one.high) for one in drawn if one.low is not None and one.high is not None]
+    beyond = sum(low < axis[0] or high > axis[1] for low, high in ends)
+    thinned = any(len(one.values) > MAX_DOTS for one in drawn)
+    further = len(known) - MAX_ROWS
+    yield f"{counted(further, 'further row is', 'further rows are')} not drawn." if further > 0 else ""
+    yield f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all." if thinned else ""
+    yield f"Intervals that reach beyond the axis: {beyond}." if beyond else ""
+    yield f"Values beyond 1e12 that are left out, of the means too: {left_out}." if left_out else ""
 
 
 def span(values: FloatArray, ends: Sequence[float]) -> tuple[float, float]:
@@ -145,81 +164,48 @@ def _known(row: Row) -> Row:
 def _placed(top: int, row: Row) -> _Drawn:
     order = sorted(range(len(row.values)), key=lambda index: (row.values[index], row.labels[index]))
     values = np.array([row.values[index] for index in order])
-    return _Drawn(float(top), row.name, values, tuple(row.labels[index] for index in order), *mean_interval(values))
+    return _Drawn(float(top), row, values, tuple(row.labels[index] for index in order), *mean_interval(values))
 
 
 def _span(drawn: Sequence[_Drawn], *, zero: bool) -> tuple[float, float]:
-    values = np.concatenate([[0.0] if zero else [], *(row.values for row in drawn)])
-    low, high = span(values, [end for row in drawn for end in (row.low, row.high) if end is not None])
+    values = np.concatenate([[0.0] if zero else [], *(one.values for one in drawn)])
+    low, high = span(values, [end for one in drawn for end in (one.low, one.high) if end is not None])
     # what is never negative has no axis below 0
     return (0.0 if zero and values.min() == 0 else low), high
 
 
-def _omissions(
-    rows: Sequence[Row], known: Sequence[Row], drawn: Sequence[_Drawn], axis: tuple[float, float]
-) -> Iterator[str]:
-    """Yield a note for each kind of thing that the plot leaves out, and how much of it."""
-    if len(known) > MAX_ROWS:
-        yield f"{counted(len(known) - MAX_ROWS, 'further row is', 'further rows are')} not drawn."
-    if any(len(row.values) > MAX_DOTS for row in drawn):
-        yield f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all."
-    if clipped := sum(_is_clipped(row, axis) for row in drawn):
-        yield f"Intervals that reach beyond the axis: {clipped}."
-    if left_out := _n_values(rows) - _n_values(known):
-        yield f"Values beyond 1e12 that are left out, of the means too: {left_out}."
+def _name(one: _Drawn) -> str:
+    return f"{shorten(one.row.name, LONGEST_NAME)} ({len(one.values):,})"
 
 
-def _is_clipped(row: _Drawn, axis: tuple[float, float]) -> bool:
-    if row.low is None or row.high is None:
-        return False
-    return row.low < axis[0] or row.high > axis[1]
+def _box(one: _Drawn, unit: str) -> Rect:
+    low, high = np.quantile(one.values, (0.25, 0.75)).tolist()
+    at = one.top + _MEAN_AT
+    return Rect((low, at - _BOX_HALF), (high, at + _BOX_HALF), _BLUE, _said(one, unit))
 
 
-def _n_values(rows: Sequence[Row]) -> int:
-    return sum(len(row.values) for row in rows)
-
-
-def _name(row: _Drawn) -> str:
-    return f"{shorten(row.name, LONGEST_NAME)} ({len(row.values):,})"
-
-
-def _zero_line(low: float, count: int) -> tuple[Stroke, ...]:
-    """Return the line at 0 through so many rows, unless the axis begins there."""
-    return (Stroke(((0.0, 0.0), (0.0, count)), "muted", 1.0, "0"),) if low < 0 else ()
-
-
-def _boxes(drawn: Sequence[_Drawn], unit: str) -> tuple[Rect, ...]:
-    return tuple(_box(row, unit) for row in drawn if len(row.values) > 1)
-
-
-def _box(row: _Drawn, unit: str) -> Rect:
-    low, high = np.quantile(row.values, (0.25, 0.75)).tolist()
-    at = row.top + _MEAN_AT
-    return Rect((low, at - _BOX_HALF), (high, at + _BOX_HALF), _BLUE, _said(row, unit))
-
-
-def _strokes(row: _Drawn, axis: tuple[float, float], unit: str, *, boxes: bool) -> Iterator[Stroke]:
-    at, said = row.top + _MEAN_AT, _said(row, unit)
-    if boxes and len(row.values) > 1:
-        median = float(np.median(row.values))
+def _strokes(one: _Drawn, axis: tuple[float, float], unit: str, *, boxes: bool) -> Iterator[Stroke]:
+    at, said = one.top + _MEAN_AT, _said(one, unit)
+    if boxes and len(one.values) > 1:
+        median = float(np.median(one.values))
         yield Stroke(((median, at - _BOX_HALF), (median, at + _BOX_HALF)), "ink", 2.0, said)
-    if row.low is not None and row.high is not None:
-        yield Stroke(((max(row.low, axis[0]), at), (min(row.high, axis[1]), at)), "ink", 2.5, said)
+    if one.low is not None and one.high is not None:
+        yield Stroke(((max(one.low, axis[0]), at), (min(one.high, axis[1]), at)), "ink", 2.5, said)
 
 
-def _dots(row: _Drawn, unit: str) -> Iterator[Dot]:
-    shown = evenly(len(row.values))
+def _dots(one: _Drawn, unit: str) -> Iterator[Dot]:
+    shown = evenly(len(one.values))
     for index, off in zip(shown.tolist(), spread(len(shown)).tolist(), strict=True):
-        value = float(row.values[index])
-        at = (value, row.top + _DOTS_AT + off * _DOTS_HALF)
-        yield Dot(at, 2.5, _BLUE, f"{row.labels[index]}: {_number(value, unit)}")
-    yield Dot((row.mean, row.top + _MEAN_AT), 5.0, WHITE, _said(row, unit), rim=CARD)
+        value = float(one.values[index])
+        at = (value, one.top + _DOTS_AT + off * _DOTS_HALF)
+        yield Dot(at, 2.5, _BLUE, f"{one.labels[index]}: {_number(value, unit)}")
+    yield Dot((one.mean, one.top + _MEAN_AT), 5.0, WHITE, _said(one, unit), rim=CARD)
 
 
-def _said(row: _Drawn, unit: str) -> str:
-    known = row.low is not None and row.high is not None
-    interval = f" (95 % {row.low:,.3f} to {row.high:,.3f})" if known else ""
-    return f"{row.name}: mean {_number(row.mean, unit)}{interval}, n = {len(row.values):,}"
+def _said(one: _Drawn, unit: str) -> str:
+    known = one.low is not None and one.high is not None
+    interval = f" (95 % {one.low:,.3f} to {one.high:,.3f})" if known else ""
+    return f"{one.row.name}: mean {_number(one.mean, unit)}{interval}, n = {len(one.values):,}"
 
 
 def _number(value: float, unit: str) -> str:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.learning.learn import ESTIMATOR_VERSION, learn
+from hrclog.analyzers.learning.learn import learn
 from hrclog.analyzers.projections.intervals import rebuild as rebuild_intervals
-from hrclog.analyzers.synergy.estimators import ESTIMATORS
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.estimator import Estimator
+from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, Outliers
 from hrclog.diagnostic import Diagnostic, loses_data
-from hrclog.errors import HrclogError, KnowledgeError
+from hrclog.errors import KnowledgeError
 from hrclog.event_rows import to_row
 from hrclog.events import Event
 from hrclog.knowledge.base import KnowledgeBase
@@ -26,9 +26,8 @@ from hrclog.log.checks import usable
 from hrclog.log.decode import frame_of_rows
 from hrclog.log.message import EVENTS
 from hrclog.log.reader import Logs, read_logs
+from hrclog.plugins import PluginError
 from hrclog.wording import counted
-
-DEFAULT_ESTIMATOR: Final = next(iter(ESTIMATORS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +96,12 @@ def update_statistics(kb: KnowledgeBase, estimator: str | None = None, outliers:
 
     Args:
         kb: the knowledge base.
-        estimator: aft, bayes, ols or paper; default what the statistics were made with before, else aft.
+        estimator: its name; default what the statistics were made with before, else aft.
         outliers: none or isolation-forest; default as before, else none.
 
     Raises:
-        HrclogError: the estimator is not known.
+        KnowledgeError: the estimator that the statistics were made with is not there.
+        PluginError: the estimator that is asked for is not known.
         KnowledgeError: the database fails.
     """
     return update(kb, _method(kb, estimator, outliers))
@@ -160,14 +160,24 @@ def _conflicting(logs: Logs) -> list[str]:
 
 def _method(kb: KnowledgeBase, estimator: str | None, outliers: str | None) -> Method:
     made = kb.statistics()
-    name = estimator or (made.estimator if made else DEFAULT_ESTIMATOR)
-    if name not in ESTIMATORS:
-        raise HrclogError(f"estimator is {name!r}, expected one of {', '.join(ESTIMATORS)}")
-    before = made.outliers if made else "none"
-    left_out: Outliers = "isolation-forest" if (outliers or before) == "isolation-forest" else "none"
+    by = ESTIMATORS[estimator] if estimator else _former(kb, made.estimator if made else DEFAULT_ESTIMATOR)
+    left_out = OUTLIER_METHODS[outliers or (made.outliers if made else OUTLIER_METHODS.default)].name
 
     def teach(intervals: pl.DataFrame) -> Taught:
-        learnt = learn(intervals, name, left_out)
+        learnt = learn(intervals, by.name, left_out)
         return Taught(learnt.durations, learnt.synergies, learnt.times)
 
-    return Method(name, ESTIMATOR_VERSION, left_out, teach)
+    return Method(ESTIMATORS.reference(by.name), by.version, left_out, teach)
+
+
+def _former(kb: KnowledgeBase, estimator: str) -> Estimator:
+    """Return the estimator that statistics were made with.
+
+    Raises:
+        KnowledgeError: it is not there.
+    """
+    try:
+        return ESTIMATORS[estimator]
+    except PluginError as error:
+        found = f"its statistics were made by estimator {estimator!r}, which is not there ({error})"
+        raise KnowledgeError(kb.where, found, "register it, or choose another with --estimator") from error

@@ -13,17 +13,14 @@ import polars as pl
 from hrclog.analyzers.projections.durations import durations
 from hrclog.analyzers.projections.intervals import counted
 from hrclog.analyzers.projections.joint_states import AgentTask
-from hrclog.analyzers.synergy.estimators import ESTIMATORS
-from hrclog.analyzers.synergy.evidence import by_evidence
+from hrclog.analyzers.synergy.estimator import estimate
+from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS
 from hrclog.analyzers.synergy.fit import Fit, TaskModel
 from hrclog.analyzers.synergy.observations import observe
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.arrays import FloatArray
 from hrclog.events import Outcome
 from hrclog.knowledge.task_times import Factor, Gap, TaskTime, TaskTimes
-
-ESTIMATOR_VERSION: Final = 1
-"""Grows when the same runs give other statistics."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +42,7 @@ class Learnt:
     times: TaskTimes
 
 
-def learn(intervals: pl.DataFrame, estimator: str = "aft", outliers: Outliers = "none") -> Learnt:
+def learn(intervals: pl.DataFrame, estimator: str = DEFAULT_ESTIMATOR, outliers: Outliers = "none") -> Learnt:
     """Learn from runs.
 
     Args:
@@ -54,15 +51,16 @@ def learn(intervals: pl.DataFrame, estimator: str = "aft", outliers: Outliers = 
         outliers: which executions it leaves out.
     """
     observations = observe(intervals)
-    fit = ESTIMATORS[estimator](observations, outliers)
+    made_by = ESTIMATORS[estimator]
+    fit = estimate(made_by, observations, outliers)
     summary = durations(intervals)
     failed = _failed(intervals)
     times = {}
-    planned = by_evidence(fit, observations, outliers) if estimator == "aft" else fit
+    planned = made_by.for_planning(fit, observations, outliers)
     for key, time in _times(planned, summary).items():
         rate, failed_s = failed.get(key, (0.0, 0.0))
         times[key] = replace(time, failure_rate=rate, failed_s=failed_s)
-    return Learnt(estimator, outliers, summary, fit.synergies, TaskTimes(times, gaps(intervals)))
+    return Learnt(made_by.name, outliers, summary, fit.synergies, TaskTimes(times, gaps(intervals)))
 
 
 def gaps(intervals: pl.DataFrame) -> dict[str, Gap]:

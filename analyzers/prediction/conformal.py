@@ -12,12 +12,12 @@ import numpy as np
 
 from hrclog.analyzers.prediction.folds import folds
 from hrclog.analyzers.projections.joint_states import AgentTask
-from hrclog.analyzers.synergy.aft import aft
+from hrclog.analyzers.synergy.estimator import Estimator, estimate
 from hrclog.analyzers.synergy.exposures import exposures
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.log_work import SampledLogWork
 from hrclog.analyzers.synergy.observations import Observations
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.arrays import FloatArray
 
 FOLDS: Final = 5
@@ -27,15 +27,16 @@ FEWEST: Final = 19
 _SEED: Final = 0
 
 
-def conformal(fit: Fit, observations: Observations, outliers: Outliers = "none") -> Fit:
-    """Return a fit by `aft` whose models spread like residuals of runs that were held out.
+def conformal(estimator: Estimator, fit: Fit, observations: Observations, outliers: Outliers = "none") -> Fit:
+    """Return a fit whose models spread like residuals of runs that were held out.
 
     Args:
+        estimator: what made the fit.
         fit: of all observations.
         observations: what it was fitted to.
         outliers: as for the fit.
     """
-    residuals = held_out_residuals(observations, outliers)
+    residuals = held_out_residuals(estimator, observations, outliers)
     models = dict(fit.models)
     for key, model in fit.models.items():
         found = residuals.get(key)
@@ -44,11 +45,13 @@ def conformal(fit: Fit, observations: Observations, outliers: Outliers = "none")
     return replace(fit, models=models)
 
 
-def held_out_residuals(observations: Observations, outliers: Outliers = "none") -> dict[AgentTask, FloatArray]:
+def held_out_residuals(
+    estimator: Estimator, observations: Observations, outliers: Outliers = "none"
+) -> dict[AgentTask, FloatArray]:
     """Return log W - mu of each task's successful executions, both from a fit without their run."""
     found: dict[AgentTask, list[FloatArray]] = {}
     for held_out in folds(observations.runs, FOLDS, _SEED):
-        models = aft(observations.without(held_out), outliers).models
+        models = estimate(estimator, observations.without(held_out), outliers).models
         for data in exposures(observations.only(held_out)):
             model = models.get(data.key)
             if model is not None and data.finished.any():

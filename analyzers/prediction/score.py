@@ -123,7 +123,7 @@ def _mean(values: pl.Series) -> float:
 def _per_run(rows: pl.DataFrame, runs: list[str]) -> dict[str, FloatArray]:
     """Return per estimator and run: sum of CRPS, number covered, number of executions; shape (runs, 3)."""
     index = pl.DataFrame({"run_id": runs}, schema={"run_id": pl.String})
-    sums = rows.group_by("estimator", "run_id").agg(pl.col("crps_s").sum(), pl.col("covered").sum(), pl.len())
+    sums = rows.group_by("estimator", "run_id").agg(pl.col("crps_s").sort().sum(), pl.col("covered").sum(), pl.len())
     return {
         str(name): index.join(part, on="run_id", how="left", maintain_order="left")
         .select("crps_s", "covered", "len")

@@ -24,18 +24,19 @@ from hrclog.analyzers.prediction.held_out import FORECASTS, MAKESPANS, HeldOut
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.prediction.residuals import Learning, Observed, Session
 from hrclog.analyzers.projections.joint_states import AgentTask
-from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS
+from hrclog.analyzers.synergy.estimator import estimate
+from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS, scored
 from hrclog.analyzers.synergy.fit import TaskModel
 from hrclog.analyzers.synergy.log_work import SampledLogWork, widened
 from hrclog.analyzers.synergy.observations import Observations, observe
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.errors import HrclogError
 from hrclog.wording import counted
 
 Setting = Literal["cv", "static", "prequential"]
 OnStep = Callable[[], None]
 
-SCORED: Final = {**ESTIMATORS, **YARDSTICKS}
+SCORED: Final = (*ESTIMATORS.builtins, *YARDSTICKS.builtins)
 """The estimators that are scored when none are named."""
 
 WIDEST_TRANSFER: Final = 10.0
@@ -75,7 +76,7 @@ def cross_validate(
     intervals: pl.DataFrame,
     count: int = 5,
     seed: int = 0,
-    estimators: Sequence[str] = tuple(SCORED),
+    estimators: Sequence[str] = SCORED,
     outliers: Outliers = "none",
     on_step: OnStep = lambda: None,
 ) -> Predictions:
@@ -100,24 +101,25 @@ def cross_validate(
         )
     observations, held_out = observe(intervals), HeldOut(intervals)
     parts = folds(runs, count, seed)
-    rows, calibrated = _Rows([], []), "aft" in estimators
+    rows = _Rows([], [])
+    calibrated = {name: scored(name).conformal for name in estimators}
     for part in parts:
         gaps_s = _mean_gaps_s(intervals.filter(~pl.col("run_id").is_in(part)))
         train = observations.without(part)
         for name in estimators:
             fitted = models(train, name, outliers)
-            if name == "aft":
-                calibrated &= all(isinstance(model.log_work, SampledLogWork) for model in fitted.values())
+            calibrated[name] &= all(isinstance(model.log_work, SampledLogWork) for model in fitted.values())
             _predict(rows, held_out, part, name, fitted, gaps_s)
             on_step()
     fewest = len(runs) - max(len(part) for part in parts)
-    return _predictions("cv", rows, held_out, estimators, fewest, ("aft",) if calibrated else ())
+    kept = tuple(name for name, widened_all in calibrated.items() if widened_all)
+    return _predictions("cv", rows, held_out, estimators, fewest, kept)
 
 
 def predict_static(
     train: pl.DataFrame,
     test: pl.DataFrame,
-    estimators: Sequence[str] = tuple(SCORED),
+    estimators: Sequence[str] = SCORED,
     outliers: Outliers = "none",
     transfer_deviation: float = 0.0,
     on_step: OnStep = lambda: None,
@@ -158,7 +160,7 @@ def predict_static(
 def predict_prequential(
     train: pl.DataFrame,
     test: pl.DataFrame,
-    estimators: Sequence[str] = tuple(SCORED),
+    estimators: Sequence[str] = SCORED,
     outliers: Outliers = "none",
     on_step: OnStep = lambda: None,
     learning: Learning | None = None,
@@ -195,15 +197,16 @@ def predict_prequential(
 
 
 def models(observations: Observations, estimator: str, outliers: Outliers = "none") -> dict[AgentTask, TaskModel]:
-    """Return an estimator's models, those of `aft` with conformal widths.
+    """Return an estimator's models, with conformal widths where it asks for them.
 
     Args:
         observations: what to learn from.
         estimator: its name.
         outliers: which executions it leaves out.
     """
-    fit = SCORED[estimator](observations, outliers)
-    return (conformal(fit, observations, outliers) if estimator == "aft" else fit).models
+    made_by = scored(estimator)
+    fit = estimate(made_by, observations, outliers)
+    return (conformal(made_by, fit, observations, outliers) if made_by.conformal else fit).models
 
 
 def _predict(

@@ -9,6 +9,7 @@ import polars as pl
 
 from hrclog.analyzers.report.chance import holm, p_value
 from hrclog.analyzers.report.finding import Finding, task_name
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.pairs import OK, WEAKLY_IDENTIFIED
 from hrclog.wording import counted
 
@@ -21,11 +22,6 @@ _STATUS: Final = {"sparse": "few pairs", WEAKLY_IDENTIFIED: "weakly identified"}
 _IMPOSSIBLE: Final = ((pl.col("synergy") <= 0) | (pl.col("synergy_free") <= 0)).fill_null(value=False)
 _BEYOND: Final = "; no execution was that long: the factor is that of the part that overlapped"
 _STILL: Final = 5.0  # times as long
-_CAUTIONS: Final = {
-    "paper": "These factors are the regression's as printed, kept for comparison: they should not be planned with.",
-    "ols": "By ols strong factors come out about a third too small.",
-    "bayes": "By bayes strong factors come out about a third too small.",
-}
 
 
 def effects(synergies: pl.DataFrame, durations: pl.DataFrame, estimator: str) -> Iterable[Finding]:
@@ -55,8 +51,9 @@ def effects(synergies: pl.DataFrame, durations: pl.DataFrame, estimator: str) ->
         yield _nothing_certain(synergies, known.height, below.height + impossible)
     yield from _below_the_mean(below.height - faster.height)
     yield from _impossible(impossible)
-    if estimator in _CAUTIONS and known.height:
-        yield Finding(_CAUTIONS[estimator], (), "doubt")
+    caution = ESTIMATORS[estimator].caution
+    if caution and known.height:
+        yield Finding(caution, (), "doubt")
 
 
 def _known(synergies: pl.DataFrame, durations: pl.DataFrame) -> pl.DataFrame:

@@ -13,6 +13,8 @@ import polars as pl
 
 from hrclog._version import __version__
 from hrclog.analyzers.figures.text import printable
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.diagnostic import CODES, Severity
 from hrclog.knowledge.records import in_order, versions
 from hrclog.wording import counted
@@ -20,32 +22,6 @@ from hrclog.wording import counted
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
 
-_ESTIMATORS: Final = {
-    "aft": (
-        "a rate model: while another's task runs, work goes on at 1/s of its rate; work is log-normal, and factors are "
-        "shrunk towards 1. It assumes that disturbance depends on which task the other runs, not on how far that is, "
-        "and that failures do not depend on how long the work would have taken."
-    ),
-    "bayes": (
-        "the Bayesian regression of Sandrini, Faroni and Pedrocchi (RCIM 2025). It takes the share of a task's work "
-        "that is done beside another for the share of its time, so strong factors come out about a third too small."
-    ),
-    "ols": (
-        "the least squares of the authors' code (Sandrini, Faroni, Pedrocchi, ETFA 2022). Strong factors come out "
-        "about a third too small, and factors below 0 are possible."
-    ),
-    "paper": (
-        "the regression as printed in Sandrini, Faroni and Pedrocchi (ETFA 2022), kept for comparison; its "
-        "coefficients should not be planned with."
-    ),
-}
-_OUTLIERS: Final = {
-    "none": "No execution was left out as an outlier.",
-    "isolation-forest": (
-        "An isolation forest left out what it calls outliers, commonly a sixth to a third of the executions, from both "
-        "tails; among them are the slowest, which are the effect to be learnt."
-    ),
-}
 _SYNERGY: Final = (
     "The factor on a task's mean duration while another agent's task runs all the time: above 1 is slower. The mean is "
     "over all executions that succeeded, slow-downs included, so that of a task that others slow down an undisturbed "
@@ -81,13 +57,13 @@ def definitions(analysis: Analysis) -> tuple[tuple[str, str], ...]:
     """Return (term, meaning) of what the report speaks of."""
     return (
         ("Synergy", _SYNERGY),
-        ("Estimator", f"{analysis.estimator}: {_ESTIMATORS[analysis.estimator]}"),
+        ("Estimator", f"{analysis.estimator}: {ESTIMATORS[analysis.estimator].assumes}"),
         ("Intervals", _intervals(analysis.bootstrap)),
         ("Overlap", _OVERLAP),
         ("Success", _success(analysis.estimator)),
         ("Duration", _DURATION),
         ("Makespan", _MAKESPAN),
-        ("Outliers", _OUTLIERS[analysis.outliers]),
+        ("Outliers", OUTLIER_METHODS[analysis.outliers].remark),
     )
 
 
@@ -99,7 +75,8 @@ def _intervals(draws: int) -> str:
 
 
 def _success(estimator: str) -> str:
-    others = "are counted, and the estimator takes them as cut short" if estimator == "aft" else "are counted"
+    cut_short = ESTIMATORS[estimator].counts_cut_short
+    others = "are counted, and the estimator takes them as cut short" if cut_short else "are counted"
     return (
         "An execution succeeded if its end says so, and durations are of those alone. Executions that failed, timed "
         f"out, were canceled or are open {others}."

@@ -6,6 +6,7 @@ Tibshirani 1993; Cameron, Gelbach and Miller 2008).
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -15,10 +16,10 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.projections.overlaps import PAIR
-from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.estimator import Estimator, EstimatorError, estimate
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.errors import HrclogError
 from hrclog.parallel import ordered_map
 
@@ -32,7 +33,7 @@ _BATCH: Final = 20
 def with_bootstrap(
     fit: Fit,
     observations: Observations,
-    estimator: str,
+    estimator: Estimator,
     outliers: Outliers,
     replicates: int,
     seed: int,
@@ -44,7 +45,7 @@ def with_bootstrap(
     Args:
         fit: what the estimator made of the observations.
         observations: of at least two runs.
-        estimator: its name.
+        estimator: what made it.
         outliers: as for the fit.
         replicates: how many draws, at least 2.
         seed: of the draws; the result depends on it, not on the workers.
@@ -77,7 +78,7 @@ def with_bootstrap(
 
 def bootstrap(
     observations: Observations,
-    estimator: str,
+    estimator: Estimator,
     outliers: Outliers,
     replicates: int,
     seed: int,
@@ -88,7 +89,7 @@ def bootstrap(
 
     Args:
         observations: of at least two runs.
-        estimator: its name.
+        estimator: what made it.
         outliers: which rows to leave out.
         replicates: how many draws, at least 2.
         seed: of the draws; the result depends on it, not on the workers.
@@ -106,6 +107,8 @@ def bootstrap(
         raise HrclogError(f"a bootstrap draws runs: found {len(runs)}, expected at least 2; record more runs")
     if replicates < 2:
         raise HrclogError(f"the number of bootstrap draws is {replicates}, expected at least 2")
+    if workers > 1:
+        check_picklable(estimator)
     batches = [range(low, min(low + _BATCH, replicates)) for low in range(0, replicates, _BATCH)]
     work = partial(_batch, observations, estimator, outliers, seed)
     tables = []
@@ -115,6 +118,19 @@ def bootstrap(
     return pl.concat(tables)
 
 
+def check_picklable(estimator: Estimator) -> None:
+    """Raise where an estimator cannot be sent to worker processes.
+
+    Raises:
+        EstimatorError: pickle does not find its class by the module's name.
+    """
+    try:
+        pickle.dumps(estimator)
+    except Exception as error:
+        found = f"it cannot be sent to worker processes ({error})"
+        raise EstimatorError(estimator.name, found, "a class at the top of a module; or use one worker") from error
+
+
 def drawn_runs(runs: list[str], seed: int, replicate: int) -> list[str]:
     """Return as many runs as there are, drawn with repetition."""
     chosen = np.random.default_rng([seed, replicate]).integers(0, len(runs), len(runs))
@@ -122,14 +138,14 @@ def drawn_runs(runs: list[str], seed: int, replicate: int) -> list[str]:
 
 
 def _batch(
-    observations: Observations, estimator: str, outliers: Outliers, seed: int, replicates: range
+    observations: Observations, estimator: Estimator, outliers: Outliers, seed: int, replicates: range
 ) -> pl.DataFrame:
     return pl.concat([_replicate(observations, estimator, outliers, seed, replicate) for replicate in replicates])
 
 
 def _replicate(
-    observations: Observations, estimator: str, outliers: Outliers, seed: int, replicate: int
+    observations: Observations, estimator: Estimator, outliers: Outliers, seed: int, replicate: int
 ) -> pl.DataFrame:
     drawn = observations.drawn(drawn_runs(observations.runs, seed, replicate))
-    table = ESTIMATORS[estimator](drawn, outliers).synergies
+    table = estimate(estimator, drawn, outliers).synergies
     return table.select(pl.lit(replicate, pl.Int64).alias("replicate"), *PAIR, *_VALUES)

@@ -1,25 +1,62 @@
-"""The estimators by name."""
+"""The estimators there are, by name: the one table that command line, report, scores and knowledge bases read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final, Literal, TypeVar
 
-from hrclog.analyzers.synergy.aft import aft
-from hrclog.analyzers.synergy.bayes import bayes
-from hrclog.analyzers.synergy.fit import Fit
-from hrclog.analyzers.synergy.mean import mean
-from hrclog.analyzers.synergy.observations import Observations
-from hrclog.analyzers.synergy.ols import ols, paper
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.plugins import Registry
 
-Estimator = Callable[[Observations, Outliers], Fit]
-"""Takes observations and how to treat outliers; returns a table, covariances and models that predict."""
+if TYPE_CHECKING:
+    from hrclog.analyzers.synergy.estimator import Estimator
 
-ESTIMATORS: Final[dict[str, Estimator]] = {"aft": aft, "bayes": bayes, "ols": ols, "paper": paper}
+BuiltInEstimator = Literal["aft", "bayes", "ols", "paper"]
+
+EstimatorName = BuiltInEstimator | str
+"""Of a built-in, of one that was registered, or `package.module:NAME`."""
+
+_BASE: Final = "hrclog.analyzers.synergy.estimator:Estimator"
+_HERE: Final = "hrclog.analyzers.synergy"
+
+ESTIMATORS: Final[Registry[Estimator]] = Registry(
+    "estimator",
+    "hrclog.estimators",
+    _BASE,
+    {
+        "aft": f"{_HERE}.aft:Aft",
+        "bayes": f"{_HERE}.bayes:Bayes",
+        "ols": f"{_HERE}.ols:Ols",
+        "paper": f"{_HERE}.ols:Paper",
+    },
+)
 """Those that learn synergies; the first is the default."""
 
-YARDSTICKS: Final[dict[str, Estimator]] = {"mean": mean}
-"""Those that others are compared with."""
+YARDSTICKS: Final[Registry[Estimator]] = Registry("yardstick", "", _BASE, {"mean": f"{_HERE}.mean:Mean"})
+"""Those that others are compared with in `score`."""
 
-OUTLIERS: Final[tuple[Outliers, ...]] = ("none", "isolation-forest")
+DEFAULT_ESTIMATOR: Final = ESTIMATORS.default
+
+NewEstimator = TypeVar("NewEstimator", bound="type[Estimator]")
+
+
+def register_estimator(estimator: NewEstimator) -> NewEstimator:
+    """Make a class of yours known under its `name`, wherever an estimator is named in this process.
+
+    It may be used as a decorator.
+
+    Args:
+        estimator: a subclass of `hrclog.Estimator`.
+
+    Raises:
+        PluginError: it is no such class, or its name is taken.
+    """
+    ESTIMATORS.register(estimator)
+    return estimator
+
+
+def scored(name: str) -> Estimator:
+    """Return an estimator or a yardstick by name.
+
+    Raises:
+        PluginError: there is none of that name.
+    """
+    return YARDSTICKS[name] if name in YARDSTICKS.builtins else ESTIMATORS[name]

@@ -18,12 +18,12 @@ from typing import Final
 
 import numpy as np
 
-from hrclog.analyzers.synergy.aft import TaskFit, fit_task, inlying, models_of
+from hrclog.analyzers.synergy.aft_fit import TaskFit, fit_task, inlying, models_of
 from hrclog.analyzers.synergy.aft_likelihood import Prior, log_posterior
 from hrclog.analyzers.synergy.exposures import Exposure, exposures
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 
 WIDTHS: Final = (0.05, 0.2, 0.75)
 """From hardly any effect to the fixed prior's; ties go to the first."""

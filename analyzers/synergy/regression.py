@@ -21,7 +21,7 @@ import polars as pl
 
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.observations import Observations
-from hrclog.analyzers.synergy.outliers import Outliers, inliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers, inliers
 from hrclog.arrays import FloatArray
 
 

@@ -12,9 +12,10 @@ import polars as pl
 from hrclog.analyzers.projections.mean_interval import half_width
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.projections.schemas import SETTLING, SETTLING_DURATIONS, SYNERGIES
+from hrclog.analyzers.synergy.estimator import estimate
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import Observations, observe
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
 from hrclog.events import Outcome, Role
 
@@ -56,10 +57,10 @@ def settle(
         return SETTLING.to_frame()
     if observations is None:
         observations = observe(intervals)
-    estimate = ESTIMATORS[estimator]
+    made_by = ESTIMATORS[estimator]
     if final is None:
-        final = estimate(observations, outliers).synergies
-    tables = [estimate(observations.only(order[:number]), outliers).synergies for number in numbers[:-1]]
+        final = estimate(made_by, observations, outliers).synergies
+    tables = [estimate(made_by, observations.only(order[:number]), outliers).synergies for number in numbers[:-1]]
     of_pair = final.select(*PAIR, "estimator")
     laid_out = [_laid_out(table, of_pair, number) for number, table in zip(numbers, [*tables, final], strict=True)]
     return pl.concat(laid_out).cast(SETTLING)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.cli.common import (
     Progress,
     bootstrap_options,
@@ -20,7 +22,6 @@ from hrclog.cli.common import (
 
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
-    from hrclog.analyzers.synergy.outliers import Outliers
 
 
 def _recordings(_: click.Context, __: click.Parameter, value: str) -> int | None:
@@ -90,8 +91,8 @@ def command(
 def analyse(
     logs: Sequence[str | Path],
     output: Path,
-    estimator: str = "aft",
-    outliers: str = "none",
+    estimator: str = ESTIMATORS.default,
+    outliers: str = OUTLIER_METHODS.default,
     *,
     bootstrap: int = 0,
     seed: int = 0,
@@ -106,12 +107,11 @@ def analyse(
 
     check_writable(output)
     reading = Progress("reading logs")
-    kept: Outliers = "isolation-forest" if outliers == "isolation-forest" else "none"
     draws = Progress("drawing runs anew", bootstrap)
     analysis = analyze(
         logs,
         estimator,
-        kept,
+        outliers,
         reading,
         bootstrap=bootstrap,
         seed=seed,

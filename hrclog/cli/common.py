@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
+from hrclog.cli.names import NameOf
+
 if TYPE_CHECKING:
     from hrclog.diagnostic import Diagnostic
 
@@ -32,15 +36,15 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print the re
 
 estimator_option = click.option(
     "--estimator",
-    type=click.Choice(["aft", "bayes", "ols", "paper"]),
-    default="aft",
+    type=NameOf(ESTIMATORS),
+    default=ESTIMATORS.default,
     show_default=True,
-    help="How synergies are estimated.",
+    help="How synergies are estimated; package.module:NAME for one of yours.",
 )
 outliers_option = click.option(
     "--outliers",
-    type=click.Choice(["none", "isolation-forest"]),
-    default="none",
+    type=NameOf(OUTLIER_METHODS),
+    default=OUTLIER_METHODS.default,
     show_default=True,
     help="Which executions an estimator leaves out.",
 )

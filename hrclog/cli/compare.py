@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from hrclog.analyzers.comparison.compare import Comparison, Side
     from hrclog.analyzers.result import Analysis
-    from hrclog.analyzers.synergy.outliers import Outliers
 
 JSON_NAME: Final = "compare.json"
 
@@ -69,9 +68,8 @@ def command(
         raise click.UsageError(f"found {len(sides)} arguments, expected A and B; put a glob in quotes: 'runs/a_*.mcap'")
     if output is not None:
         check_writable(output)
-    kept: Outliers = "isolation-forest" if outliers == "isolation-forest" else "none"
     reading = Progress("reading logs")
-    a, b = (analyze(side, estimator, kept, reading) for side in sides)
+    a, b = (analyze(side, estimator, outliers, reading) for side in sides)
     reading.done()
     drawing = Progress("drawing runs anew", 2 * bootstrap)
     comparison = compare(a, b, bootstrap=bootstrap, seed=seed, workers=workers, on_draws=drawing.advance)

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import click
 
+from hrclog.analyzers.exporters.exporters import EXPORTERS
 from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
+from hrclog.cli.names import NameOf
 from hrclog.wording import counted
 
 TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics", "signals")
@@ -16,7 +18,12 @@ TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "syne
 @logs_argument
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder for the tables.")
 @click.option(
-    "--format", "kind", type=click.Choice(["csv", "parquet"]), default="csv", show_default=True, help="File format."
+    "--format",
+    "kind",
+    type=NameOf(EXPORTERS),
+    default=EXPORTERS.default,
+    show_default=True,
+    help="File format; package.module:NAME for one of yours.",
 )
 @click.option(
     "--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]"
@@ -32,14 +39,15 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
       hrclog export runs/*.mcap -o tables --format csv --table intervals
     """
     from hrclog.analyzers.analysis import analyze
-    from hrclog.analyzers.exporters.tables import write_table
+    from hrclog.analyzers.exporters.exporter import write_table
     from hrclog.analyzers.output import check_writable
 
     check_writable(output)
     reading = Progress("reading logs")
     analysis = analyze(logs, on_file=reading)
     reading.done()
-    written = [write_table(getattr(analysis, name), output / f"{name}.{kind}") for name in tables or TABLES]
+    exporter = EXPORTERS[kind]
+    written = [write_table(exporter, getattr(analysis, name), output, name) for name in tables or TABLES]
     if as_json:
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
     else:

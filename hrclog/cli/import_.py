@@ -1,72 +1,94 @@
-"""`hrclog import`: other systems' records into logs."""
+"""`hrclog import`: other systems' records into logs; a command per importer, made from its record."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
-from hrclog.cli.common import Progress, json_option, print_json, table, tell
-from hrclog.wording import agree, counted
+from hrclog.cli.common import Progress, print_json, table, tell
+from hrclog.recorders.importers.importer import Importer, Option
+from hrclog.recorders.importers.importers import IMPORTERS
+from hrclog.wording import counted
 
 
-@click.group(name="import")
+class Importers(click.Group):
+    """A group whose commands are the importers there are."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return their names."""
+        return IMPORTERS.names()
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return the command of an importer, by its name or as `package.module:NAME`."""
+        if cmd_name not in IMPORTERS and ":" not in cmd_name:
+            return None
+        return _command(IMPORTERS[cmd_name])
+
+
+@click.command(name="import", cls=Importers)
 def command() -> None:
     """Turn other systems' records into logs."""
 
 
-@command.command(name="mongo")
-@click.argument("sources", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder for the logs.")
-@click.option(
-    "--report-gaps", is_flag=True, help="Report gaps in the numbering of the recipes: attempts deleted upstream."
-)
-@json_option
-def mongo(sources: tuple[Path, ...], output: Path, report_gaps: bool, as_json: bool) -> int:
-    """Import task_results dumps of the paper authors' stack, one log per recipe.
+def _command(importer: Importer) -> click.Command:
+    example = f"\b\nExample:\n  {importer.example}" if importer.example else ""
+    return click.Command(
+        importer.name,
+        callback=_callback(importer),
+        help="\n\n".join(part for part in (importer.summary, importer.description, example) if part),
+        short_help=importer.summary,
+        params=[
+            click.Argument(["sources"], nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)),
+            click.Option(
+                ["-o", "--output"], required=True, type=click.Path(path_type=Path), help="Folder for the logs."
+            ),
+            *map(_option, importer.options),
+            click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output."),
+        ],
+    )
 
-    Every id is derived from its row, so importing twice adds nothing.
 
-    \b
-    Example:
-      hrclog import mongo task_results.json -o runs --report-gaps
-    """
-    from hrclog.recorders.importers.gaps import gap_report
-    from hrclog.recorders.importers.mongo import import_mongo
+def _option(option: Option) -> click.Option:
+    flag = f"--{option.name.replace('_', '-')}"
+    if option.kind is bool:
+        return click.Option([flag, option.name], is_flag=True, default=bool(option.default), help=option.help)
+    kind = click.Path(path_type=Path) if option.kind is Path else option.kind
+    return click.Option(
+        [flag, option.name], type=kind, default=option.default, multiple=option.multiple, help=option.help
+    )
 
-    importing = Progress("importing recipes")
-    result = import_mongo(sources, output, importing)
-    importing.done()
-    gaps = gap_report(result.recipes) if report_gaps else []
-    missing, attempts = sum(gap.n_missing for gap in gaps), sum(gap.n_attempts for gap in gaps)
-    if as_json:
-        print_json(
-            {
-                "n_runs": len(result.recipes),
-                "n_executions": result.n_executions,
-                "written": [str(path) for path in result.written],
-                "unchanged": [str(path) for path in result.unchanged],
-                "gaps": [
-                    {"prefix": gap.prefix, "n_attempts": gap.n_attempts, "n_missing": gap.n_missing} for gap in gaps
-                ]
-                if report_gaps
-                else None,
-                "diagnostics": [finding.as_dict() for finding in result.diagnostics],
-            }
-        )
-    else:
-        click.echo(
-            f"{counted(len(result.recipes), 'run')}, {counted(result.n_executions, 'execution')}: "
-            f"{counted(len(result.written), 'log')} written to {output}, {len(result.unchanged)} there already"
-        )
-        if report_gaps:
-            click.echo(
-                f"{missing} of {counted(attempts, 'attempt')} {agree(missing, 'is', 'are')} missing from the numbering "
-                "(deleted upstream, probably failed):"
+
+def _callback(importer: Importer) -> Any:
+    def run(sources: Sequence[Path], output: Path, as_json: bool, **options: Any) -> int:
+        from hrclog.recorders.importers.writing import import_files
+
+        importing = Progress("importing runs")
+        imported = import_files(importer, sources, output, importing, **options)
+        importing.done()
+        remark = importer.remark(imported, **options)
+        if as_json:
+            print_json(
+                {
+                    "n_runs": len(imported.runs),
+                    "n_executions": imported.n_executions,
+                    "written": [str(path) for path in imported.written],
+                    "unchanged": [str(path) for path in imported.unchanged],
+                    **remark.values,
+                    "diagnostics": [diagnostic.as_dict() for diagnostic in imported.diagnostics],
+                }
             )
+        else:
             click.echo(
-                table(
-                    ("planner", "missing", "attempts"), [(g.prefix, str(g.n_missing), str(g.n_attempts)) for g in gaps]
-                )
+                f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}: "
+                f"{counted(len(imported.written), 'log')} written to {output}, {len(imported.unchanged)} there already"
             )
-    return tell(result.diagnostics)
+            if remark.text:
+                click.echo(remark.text)
+            if remark.rows:
+                click.echo(table(remark.header, remark.rows))
+        return tell(imported.diagnostics)
+
+    return run

@@ -6,17 +6,19 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.cli.common import EXIT_FINE, Progress, json_option, logs_argument, print_json, tell
 from hrclog.cli.known_times import VARIABLE
+from hrclog.cli.names import NameOf
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.learning.ingest import Ingested
-    from hrclog.analyzers.synergy.outliers import Outliers
     from hrclog.knowledge.base import KnowledgeBase
 
 
@@ -36,13 +38,13 @@ kb_option = click.option(
 )
 estimator_option = click.option(
     "--estimator",
-    type=click.Choice(["aft", "bayes", "ols", "paper"]),
-    help="How synergies are estimated.  [default: as before, at first aft]",
+    type=NameOf(ESTIMATORS),
+    help=f"How synergies are estimated.  [default: as before, at first {ESTIMATORS.default}]",
 )
 outliers_option = click.option(
     "--outliers",
-    type=click.Choice(["none", "isolation-forest"]),
-    help="Which executions an estimator leaves out.  [default: as before, at first none]",
+    type=NameOf(OUTLIER_METHODS),
+    help=f"Which executions an estimator leaves out.  [default: as before, at first {OUTLIER_METHODS.default}]",
 )
 
 
@@ -88,7 +90,7 @@ def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: s
 
     with _opened(where, create=bool(logs)) as kb:
         found = _ingest(kb, logs) if logs else Ingested()
-        changed = update_statistics(kb, estimator, cast("Outliers | None", outliers))
+        changed = update_statistics(kb, estimator, outliers)
         said = "statistics updated" if changed else "statistics are up to date"
         sentence = f"{_sentence(found)}; {said}" if logs else said
         _say(_of_runs(found) | {"updated": changed, "statistics": _made(kb)}, sentence, as_json=as_json)
@@ -219,7 +221,7 @@ def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: 
     reading = Progress("reading logs")
     with _opened(where, create=True) as kb:
         try:
-            found = rebuild_from(kb, logs, estimator, cast("Outliers | None", outliers), reading)
+            found = rebuild_from(kb, logs, estimator, outliers, reading)
         finally:
             reading.done()
         said = f"made anew from {counted(len(found.added), 'run')}"

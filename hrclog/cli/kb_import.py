@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 from hrclog.analyzers.learning.ingest import Ingested, ingest_events
 from hrclog.diagnostic import Diagnostic
@@ -17,10 +17,7 @@ from hrclog.knowledge.exchange import import_json, is_export
 from hrclog.recorders.importers.mongo import run_events
 from hrclog.recorders.importers.mongo_dump import document_id, read_task_results
 
-if TYPE_CHECKING:
-    from hrclog.analyzers.synergy.outliers import Outliers
-
-Method = tuple["str | None", "Outliers | None"]
+Method = tuple[str | None, str | None]
 """Estimator and outliers, None for what the knowledge base has."""
 
 _RESULTS = "task_results.json"
@@ -38,7 +35,7 @@ def import_folder(kb: KnowledgeBase, folder: Path) -> tuple[Ingested, Method]:
         done, made = import_json(kb, folder)
         method: Method = (None, None)
         if made and kb.statistics() is None:
-            method = (made[0], cast("Outliers", made[1]))
+            method = (made[0], made[1])
         return Ingested(done["added"], done["replaced"], done["unchanged"]), method
     if not (folder / _RESULTS).is_file():
         expected = f"a folder with {_RESULTS}, as hrclog kb export or mongoexport writes it"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -156,6 +157,7 @@ def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         options["explore"],
     )
     found = find_plan(problem, times, wish, out.stem if out else "plan")
+    found = replace(found, plan=_marked(found.plan, problem, options, found.forecast))
     _write(out, found.plan)
     if options["as_json"]:
         print_json(found.to_json())
@@ -173,7 +175,7 @@ def _judge(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     plan = read_plan(options["given"])
     check_plan(problem, plan)
     told = forecast(problem, plan, times, seed=options["seed"])
-    timed = with_expected_times(plan, told)
+    timed = _marked(with_expected_times(plan, told), problem, options, told)
     _write(options["out"], timed)
     if options["as_json"]:
         print_json({"forecast": told.to_json(), "plan": timed.to_json()})
@@ -207,6 +209,7 @@ def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         _write(options["out"], state.plan)
         return code
     plan, told = found
+    plan = _marked(plan, problem, options, told)
     _write(options["out"], plan)
     if options["as_json"]:
         print_json({"now_s": state.now_s, "changed": True, "forecast": told.to_json(), "plan": plan.to_json()})
@@ -252,6 +255,17 @@ def _ends(told: Forecast) -> dict[str, tuple[float, float]]:
     return {item_id: (low, high) for item_id, (_, _, low, high) in told.items.items()}
 
 
+def _marked(plan: Plan, problem: Problem, options: dict[str, Any], told: Forecast | None = None) -> Plan:
+    """Return a plan that names its problem, and what was expected of it."""
+    from hrclog.planning.provenance import Expected, made_for
+
+    expected = plan.expected
+    if told:
+        numbers = (told.mean_s, told.mean_low_s, told.mean_high_s, told.run_low_s, told.run_high_s)
+        expected = Expected(*numbers, worlds=told.worlds)
+    return replace(plan, problem=made_for(options["problem_name"], problem), expected=expected)
+
+
 def _write(out: Path | None, plan: Plan) -> None:
     from hrclog.planning.plan import write_plan
 
@@ -270,6 +284,7 @@ def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) 
     plans = distinct_plans(problem, options["count"], options["seed"])
     if scenario is not None:
         plans = [fitting_plan(scenario, plan) for plan in plans]
+    plans = [_marked(plan, problem, options) for plan in plans]
     paths = [out / f"{plan.name}.json" for plan in plans]
     for path in paths:
         if path.exists():

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS, scored
 from hrclog.cli.common import Progress, json_option, outliers_option, tell
+from hrclog.cli.names import NameOf
 
 if TYPE_CHECKING:
     import polars as pl
 
     from hrclog.analyzers.prediction.score import Score
     from hrclog.analyzers.prediction.settings import Predictions
-    from hrclog.analyzers.synergy.outliers import Outliers
+    from hrclog.analyzers.synergy.outlier_methods import Outliers
     from hrclog.diagnostic import Diagnostic
 
 
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
     "--estimator",
     "estimators",
     multiple=True,
-    type=click.Choice(["aft", "bayes", "ols", "paper", "mean"]),
+    type=NameOf(ESTIMATORS, YARDSTICKS),
     help="Which to score; repeat.  [default: all]",
 )
 @outliers_option
@@ -78,25 +80,24 @@ def command(
         from hrclog.analyzers.output import check_writable
 
         check_writable(output)
-    kept: Outliers = "isolation-forest" if outliers == "isolation-forest" else "none"
-    names = tuple(dict.fromkeys(estimators)) or tuple(SCORED)
+    names = tuple(dict.fromkeys(estimators)) or SCORED
     true = _true_pairs(truth) if truth else None
     known, findings = _read(logs or train)
     predicting = Progress("predicting", len(names) * ((cv or 5) if logs else 1))
     predictions: Predictions
     if logs:
-        predictions = cross_validate(known, cv or 5, seed, names, kept, predicting)
+        predictions = cross_validate(known, cv or 5, seed, names, outliers, predicting)
     else:
         tested, more = _read(test)
         findings += more
         if static:
-            predictions = predict_static(known, tested, names, kept, transfer_deviation, predicting)
+            predictions = predict_static(known, tested, names, outliers, transfer_deviation, predicting)
         else:
-            predictions = predict_prequential(known, tested, names, kept, predicting)
+            predictions = predict_prequential(known, tested, names, outliers, predicting)
     predicting.done()
     found = score(predictions)
     if true is not None:
-        found = replace(found, truth=_against_truth(known, true, names, kept))
+        found = replace(found, truth=_against_truth(known, true, names, outliers))
     if output:
         _save(found, predictions, output)
     click.echo(found.to_json() if as_json else score_text(found))
@@ -150,11 +151,11 @@ def _against_truth(
     intervals: pl.DataFrame, truth: pl.DataFrame, names: tuple[str, ...], outliers: Outliers
 ) -> dict[str, dict[str, Any]]:
     from hrclog.analyzers.prediction.score_truth import pair_errors, truth_figures
-    from hrclog.analyzers.prediction.settings import SCORED
+    from hrclog.analyzers.synergy.estimator import estimate
     from hrclog.analyzers.synergy.observations import observe
 
     observations = observe(intervals)
-    fits = {name: SCORED[name](observations, outliers) for name in names}
+    fits = {name: estimate(scored(name), observations, outliers) for name in names}
     return {name: truth_figures(pair_errors(fit, observations, truth)) for name, fit in fits.items()}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from hrclog.analyzers.synergy.estimators import scored
 from hrclog.cli.common import number, table
 from hrclog.wording import counted
 
@@ -42,8 +43,12 @@ def _headline(found: Score) -> str:
         lines.append(
             "Not calibrated: how far apart sessions are cannot be learnt from one; the intervals promise nothing"
         )
-    if found.setting == "cv" and not found.estimators.get("aft", {}).get("calibrated", True):
-        lines.append("aft is not calibrated: some task has too few executions to learn from; more runs make it so")
+    if found.setting == "cv":
+        lines += [
+            f"{name} is not calibrated: some task has too few executions to learn from; more runs make it so"
+            for name, figures in found.estimators.items()
+            if scored(name).conformal and not figures["calibrated"]
+        ]
     missing = found.n_executions - max(row["n"] for row in found.estimators.values())
     if missing:
         unknown = counted(missing, "execution is of a task", "executions are of tasks")

@@ -55,7 +55,8 @@ def command(
     """Simulate runs of a cell and write one log each, with the truth beside them.
 
     Every run carries out another random plan of the scenario. The true synergies and the work of every execution go to
-    truth.json, which no estimator reads. The same command goes on with a campaign that was killed.
+    truth.json, which no estimator reads. The same command goes on with a campaign that was killed, and with more --runs
+    it extends a finished one.
 
     \b
     Example:
@@ -101,6 +102,7 @@ def command(
             click.echo(f"runs in which something did not succeed: {failed} of {len(paths)}")
         if contacts is not None:
             click.echo(f"contacts while moving: {contacts} in {len(paths)} runs")
+        click.echo(f"Look at it: hrclog view {out_dir}")
     return code
 
 

@@ -13,6 +13,14 @@ from hrclog.json_record import JsonRecord, read_json
 from hrclog.log.files import replace_atomically
 from hrclog.planning.order import Ledger, possible_sequence
 from hrclog.planning.problem import Precedence, PrecedenceKind, Problem
+from hrclog.planning.provenance import (
+    FORECAST_FIELDS,
+    PROBLEM_FIELDS,
+    Expected,
+    MadeFor,
+    expected_from_json,
+    made_for_from_json,
+)
 from hrclog.wording import counted
 
 Orders = dict[str, tuple[str, ...]]
@@ -20,7 +28,7 @@ Orders = dict[str, tuple[str, ...]]
 
 SCHEMA_VERSION: Final = 1
 
-_PLAN_FIELDS: Final = ("schema_version", "name", "items", "arrivals")
+_PLAN_FIELDS: Final = ("schema_version", "name", "problem", "expected", "items", "arrivals")
 _ITEM_FIELDS: Final = (
     *("item_id", "agent", "task", "after", "planned_start_s", "planned_end_s"),
     *("meet", "needs", "timeout_s"),
@@ -62,6 +70,8 @@ class Plan:
     name: str
     items: tuple[PlanItem, ...]
     arrivals: tuple[Arrival, ...] = ()
+    problem: MadeFor | None = None
+    expected: Expected | None = None
 
     def agents(self) -> tuple[str, ...]:
         """Return the agents that have work, in order of their first item."""
@@ -77,6 +87,11 @@ class Plan:
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as JSON values, the inverse of `plan_from_json`."""
+        origin = {"problem": self.problem, "expected": self.expected}
+        return self.work_json() | {name: value.to_json() for name, value in origin.items() if value}
+
+    def work_json(self) -> dict[str, Any]:
+        """Return what is to be done as JSON values: the plan without where it comes from."""
         values: dict[str, Any] = {
             "schema_version": SCHEMA_VERSION,
             "name": self.name,
@@ -213,6 +228,8 @@ def plan_from_json(record: JsonRecord) -> Plan:
         record.text("name", "plan"),
         items,
         tuple(Arrival(entry.text("fact"), entry.number("at_s")) for entry in arrivals),
+        made_for_from_json(record.record("problem", PROBLEM_FIELDS)) if "problem" in record else None,
+        expected_from_json(record.record("expected", FORECAST_FIELDS)) if "expected" in record else None,
     )
 
 

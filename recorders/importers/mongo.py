@@ -7,39 +7,58 @@ binary floats in epoch seconds, converted exactly; planned instants are seconds 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from decimal import ROUND_HALF_EVEN, Decimal
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from hrclog.diagnostic import Diagnostic
-from hrclog.errors import ImportDataError, OutputError
-from hrclog.event_rows import to_row
-from hrclog.events import COLUMNS, Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.file_names import file_stem
+from hrclog.errors import ImportDataError
+from hrclog.events import Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.ids import derived_id
-from hrclog.log.decode import frame_of_rows
-from hrclog.log.reader import read_log
-from hrclog.log.writer import write_log
+from hrclog.recorders.importers.gaps import gap_report
+from hrclog.recorders.importers.importer import Foreign, Imported, Importer, Option, Remark
 from hrclog.recorders.importers.mongo_dump import document_id, finite_number, read_task_results
-from hrclog.wording import counted
+from hrclog.recorders.importers.writing import exact_ns, import_files
+from hrclog.wording import agree, counted
 
 SOURCE: Final = "mongo"
 
-_LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a suffix while it is written
 _KEPT_IN_DETAILS: Final = ("duration_real", "date")
 
 
-@dataclass(frozen=True, slots=True)
-class Imported:
-    """What an import did."""
+class Mongo(Importer):
+    """The dumps of the paper's authors."""
 
-    written: list[Path] = field(default_factory=list)
-    unchanged: list[Path] = field(default_factory=list)
-    n_executions: int = 0
-    diagnostics: list[Diagnostic] = field(default_factory=list)
-    recipes: list[str] = field(default_factory=list)
+    name = "mongo"
+    summary = "Import task_results dumps of the paper authors' stack, one log per recipe."
+    description = "Every id is derived from its row, so importing twice adds nothing."
+    example = "hrclog import mongo task_results.json -o runs --report-gaps"
+    options = (
+        Option("report_gaps", "Report gaps in the numbering of the recipes: attempts deleted upstream.", bool, False),
+    )
+
+    def read(self, sources: Sequence[Path], **_: object) -> Foreign:
+        """Return the runs of dumps, one per recipe.
+
+        Raises:
+            ImportDataError: no source is such a dump.
+        """
+        diagnostics: list[Diagnostic] = []
+        recipes = _by_recipe(_read_all(list(sources), diagnostics), diagnostics)
+        n_executions = sum(map(len, recipes.values()))
+        return Foreign(sorted(recipes), lambda recipe: run_events(recipe, recipes[recipe]), n_executions, diagnostics)
+
+    def remark(self, imported: Imported, *, report_gaps: bool = False, **_: object) -> Remark:
+        """Return the gaps in the numbering of the recipes, if they were asked for."""
+        if not report_gaps:
+            return Remark(values={"gaps": None})
+        gaps = gap_report(imported.runs)
+        missing, attempts = sum(gap.n_missing for gap in gaps), sum(gap.n_attempts for gap in gaps)
+        which = f"{missing:,} of {counted(attempts, 'attempt')} {agree(missing, 'is', 'are')} missing"
+        text = f"{which} from the numbering (deleted upstream, probably failed):"
+        rows = tuple((gap.prefix, str(gap.n_missing), str(gap.n_attempts)) for gap in gaps)
+        values = [{"prefix": gap.prefix, "n_attempts": gap.n_attempts, "n_missing": gap.n_missing} for gap in gaps]
+        return Remark(text, ("planner", "missing", "attempts"), rows, {"gaps": values})
 
 
 def import_mongo(sources: Iterable[Path], folder: Path, on_run: Callable[[Path], None] = lambda _: None) -> Imported:
@@ -57,22 +76,7 @@ def import_mongo(sources: Iterable[Path], folder: Path, on_run: Callable[[Path],
             is written.
         OutputError: the folder cannot be made.
     """
-    diagnostics: list[Diagnostic] = []
-    runs = _by_recipe(_read_all(list(sources), diagnostics), diagnostics)
-    paths = {recipe: folder / f"{file_name(recipe)}.mcap" for recipe in sorted(runs)}
-    known = {path for path in paths.values() if path.exists()}
-    for recipe, path in paths.items():
-        if path in known:
-            _check_unchanged(path, run_events(recipe, runs[recipe]))
-    _make_folder(folder)
-    written: list[Path] = []
-    for recipe, path in paths.items():
-        if path not in known:
-            write_log(path, run_events(recipe, runs[recipe]))
-            written.append(path)
-        on_run(path)
-    unchanged = [path for path in paths.values() if path in known]
-    return Imported(written, unchanged, sum(map(len, runs.values())), diagnostics, list(paths))
+    return import_files(Mongo(), list(sources), folder, on_run)
 
 
 def run_events(recipe: str, rows: Iterable[Mapping[str, Any]]) -> list[Event]:
@@ -95,20 +99,6 @@ def run_events(recipe: str, rows: Iterable[Mapping[str, Any]]) -> list[Event]:
         *(event for _, event in task_events),
         RunEnded(time_ns=end, run_id=run_id),
     ]
-
-
-def exact_ns(seconds: float) -> int:
-    """Return a binary float of seconds as nanoseconds, rounded once and to even.
-
-    The float is converted exactly: `round(seconds * 1e9)` would be off by up to 128 ns at today's epoch.
-    """
-    return int((Decimal(seconds) * 1_000_000_000).to_integral_value(ROUND_HALF_EVEN))
-
-
-def file_name(recipe: str) -> str:
-    """Return a file name for a recipe: the recipe where it is safe, else cleaned and told apart by a hash."""
-    clean = file_stem(recipe, _LONGEST_NAME)
-    return clean if clean == recipe else f"{clean}_{derived_id(SOURCE, recipe)[:8]}"
 
 
 def _execution_events(row: Mapping[str, Any], run_id: str, zero: int) -> tuple[TaskStarted, TaskEnded]:
@@ -185,30 +175,3 @@ def _by_recipe(
             )
             diagnostics.append(Diagnostic("skipped_row", text, str(source)))
     return {recipe: list(documents.values()) for recipe, documents in runs.items()}
-
-
-def _check_unchanged(path: Path, events: list[Event]) -> None:
-    existing = read_log(path).events.sort("seq").select(COLUMNS)
-    if set(existing["run_id"]) != {events[0].run_id}:
-        found, expected = "a log of another run", "no file, or the log of the same recipe"
-        raise ImportDataError(path, found, expected, "use an empty folder")
-    remedy = "the dump has changed since: import into an empty folder"
-    if existing.height != len(events):
-        raise ImportDataError(
-            path,
-            f"a log of {counted(existing.height, 'event')}",
-            f"{counted(len(events), 'event')} of this recipe",
-            remedy,
-        )
-    imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
-    for seq, (old, new) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
-        if old != new:
-            name, was, now = next(fact for fact in zip(COLUMNS, old, new, strict=True) if fact[1] != fact[2])
-            raise ImportDataError(path, f"{name} {was!r} in event {seq}", f"{now!r} as in the dump", remedy)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(folder, f"the folder cannot be made ({error.strerror})") from error

@@ -11,7 +11,8 @@ import polars as pl
 import pytest
 
 from hrclog.analyzers.projections import schemas
-from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.writer import write_log
 
@@ -224,4 +225,4 @@ def test_the_authors_runs_take_the_planned_path(run: Run, data_dir: Path, tmp_pa
 def test_the_command_offers_every_estimator_and_outlier_method(run: Run) -> None:
     text = run("analyze", "--help").out
     assert f"[{'|'.join(ESTIMATORS)}]" in text
-    assert f"[{'|'.join(OUTLIERS)}]" in text
+    assert f"[{'|'.join(OUTLIER_METHODS)}]" in text

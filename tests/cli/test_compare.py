@@ -11,7 +11,8 @@ import pytest
 
 from hrclog.analyzers.comparison import schemas
 from hrclog.analyzers.comparison.compare import TABLES
-from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.writer import write_log
 
@@ -153,7 +154,7 @@ def test_hostile_names_do_not_reach_the_terminal(run: Run, tmp_path: Path) -> No
 def test_the_command_offers_every_estimator_and_outlier_method(run: Run) -> None:
     text = run("compare", "--help").out
     assert f"[{'|'.join(ESTIMATORS)}]" in text
-    assert f"[{'|'.join(OUTLIERS)}]" in text
+    assert f"[{'|'.join(OUTLIER_METHODS)}]" in text
 
 
 def test_the_page_names_every_column_and_measure(run: Run, sides: tuple[str, str]) -> None:

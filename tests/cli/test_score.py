@@ -13,7 +13,7 @@ import pytest
 
 from hrclog.analyzers.prediction.held_out import FORECASTS, MAKESPANS
 from hrclog.analyzers.prediction.settings import SCORED
-from hrclog.analyzers.synergy.estimators import OUTLIERS
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.writer import write_log
 
@@ -274,7 +274,7 @@ def test_the_command_offers_every_estimator_and_outlier_method_and_shows_an_exam
     result = run("score", "--help")
     assert result.code == 0
     assert f"[{'|'.join(SCORED)}]" in result.out
-    assert f"[{'|'.join(OUTLIERS)}]" in result.out
+    assert f"[{'|'.join(OUTLIER_METHODS)}]" in result.out
     assert "Example:\n    hrclog score --cv 5" in result.out
 
 
@@ -292,7 +292,7 @@ def test_help_needs_no_statistics(tmp_path: Path) -> None:
 def test_isolation_forest_can_be_asked_for(run: Run, campaign: Path, tmp_path: Path) -> None:
     shutil.copytree(campaign, tmp_path / "in")
     plain, trimmed = (
-        run("score", tmp_path / "in", "--cv", "2", "--estimator", "aft", "--outliers", outliers, "--json").json()
-        for outliers in OUTLIERS
+        run("score", tmp_path / "in", "--cv", "2", "--estimator", "ols", "--outliers", outliers, "--json").json()
+        for outliers in OUTLIER_METHODS
     )
-    assert plain["estimators"]["aft"]["crps_s"] != trimmed["estimators"]["aft"]["crps_s"]
+    assert plain["estimators"]["ols"]["crps_s"] != trimmed["estimators"]["ols"]["crps_s"]

@@ -126,7 +126,7 @@ def test_a_stepped_campaign_counts_contacts_and_says_what_guards(
     monkeypatch.setattr(scenario, "load_scenario", lambda _: small)
     command = ["sim", "--runs", "1", "--engine", "bullet"]
     assert main([*command, "--safety", "distance", "-o", str(tmp_path / "text")]) == 0
-    first, second = capsys.readouterr().out.splitlines()
+    first, second, _ = capsys.readouterr().out.splitlines()
     assert first.startswith("1 runs of small: ")
     assert second == "contacts while moving: 0 in 1 runs"
     assert main([*command, "--safety", "distance", "--json", "-o", str(tmp_path / "json")]) == 0

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from hrclog.analyzers.projections import schemas
+from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS
 from hrclog.cli import VERBS
 from hrclog.diagnostic import CODES
 from hrclog.events import COLUMNS, EVENT_CLASSES
@@ -122,6 +123,12 @@ def test_pages_name_every_diagnostic_and_every_verb() -> None:
     commands = (ROOT / "docs" / "commands.md").read_text()
     for verb in VERBS:
         assert f"## hrclog {verb}" in commands
+
+
+def test_the_page_of_estimators_lists_those_that_there_are() -> None:
+    page = (ROOT / "docs" / "estimators.md").read_text(encoding="utf-8")
+    for estimator in (*ESTIMATORS.values(), *YARDSTICKS.values()):
+        assert f"| `{estimator.name}` | {estimator.summary}" in page
 
 
 def test_links_between_pages_lead_somewhere() -> None:

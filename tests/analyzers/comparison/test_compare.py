@@ -38,7 +38,7 @@ def analysed(rows: Iterable[Row] | pl.DataFrame, estimator: str = "ols") -> Anal
     """Return what a comparison needs of an analysis."""
     executions = rows if isinstance(rows, pl.DataFrame) else frame(rows)
     observations = observe(executions)
-    fit = ESTIMATORS[estimator](observations, "none")
+    fit = ESTIMATORS[estimator].fit(observations, "none")
     none = pl.DataFrame()
     runs = executions.select("run_id", pl.col("run_id").alias("name"), pl.lit("a.mcap").alias("path")).unique()
     return Analysis(

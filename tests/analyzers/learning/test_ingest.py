@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from kb_runs import TASKS, frame_of_runs, run_of, state, state_at
 from kb_work import ingest_runs
 
-from hrclog.analyzers.learning import ingest as module
 from hrclog.analyzers.learning.ingest import (
     frame_of_events,
     ingest,
@@ -27,6 +26,7 @@ from hrclog.analyzers.learning.ingest import (
 from hrclog.analyzers.learning.learn import learn
 from hrclog.analyzers.projections.intervals import SORT, intervals
 from hrclog.analyzers.projections.schemas import DURATIONS, INTERVALS, SYNERGIES
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.knowledge import open_knowledge
 from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.records import in_order, versions
@@ -291,5 +291,5 @@ def test_a_new_version_of_the_estimators_makes_statistics_anew(
     ingest(kb, frame_of_runs(range(3)))
     assert update_statistics(kb, "paper")
     assert not update_statistics(kb, "paper")
-    monkeypatch.setattr(module, "ESTIMATOR_VERSION", 99)
+    monkeypatch.setattr(type(ESTIMATORS["paper"]), "version", 99)
     assert update_statistics(kb, "paper")

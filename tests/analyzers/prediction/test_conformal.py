@@ -11,13 +11,16 @@ from simulated_frames import simulated_frame
 from hrclog.analyzers.prediction.conformal import FEWEST, FOLDS, conformal, held_out_residuals
 from hrclog.analyzers.prediction.folds import folds
 from hrclog.analyzers.prediction.settings import cross_validate
-from hrclog.analyzers.synergy.aft import aft
+from hrclog.analyzers.synergy.aft import Aft, aft
+from hrclog.analyzers.synergy.estimator import Estimator
+from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.log_work import NormalLogWork, SampledLogWork
-from hrclog.analyzers.synergy.observations import observe
+from hrclog.analyzers.synergy.observations import Observations, observe
 
 pytestmark = pytest.mark.slow
 
 S = 1_000_000_000
+AFT = Aft()
 
 
 def alone(log_durations: list[list[float]]) -> pl.DataFrame:
@@ -39,7 +42,7 @@ def test_residuals_are_against_the_mean_of_the_runs_in_other_folds() -> None:
     for part in folds(values, FOLDS, 0):
         others = np.concatenate([values[run] for run in values if run not in part])
         expected += [value - others.mean() for run in part for value in values[run]]
-    found = held_out_residuals(observe(alone(list(values.values()))))
+    found = held_out_residuals(AFT, observe(alone(list(values.values()))))
     assert found[("H", "h")] == pytest.approx(np.sort(expected), abs=1e-6)
 
 
@@ -48,12 +51,12 @@ def test_no_residual_comes_from_a_fit_that_saw_its_run(monkeypatch: pytest.Monke
     observations = observe(intervals)
     seen: list[set[str]] = []
 
-    def spy(some: object, outliers: str) -> object:
-        seen.append(set(some.runs))  # type: ignore[attr-defined] - Observations
-        return aft(some, outliers)  # type: ignore[arg-type] - as it is called
+    def spy(_: Estimator, some: Observations, outliers: str) -> Fit:
+        seen.append(set(some.runs))
+        return aft(some, outliers)
 
-    monkeypatch.setattr("hrclog.analyzers.prediction.conformal.aft", spy)
-    held_out_residuals(observations)
+    monkeypatch.setattr(Aft, "fit", spy)
+    held_out_residuals(AFT, observations)
     parts = folds(observations.runs, FOLDS, 0)
     assert seen == [set(observations.runs) - set(part) for part in parts]
 
@@ -63,7 +66,7 @@ def test_fewer_than_ten_residuals_keep_the_normal(n_runs: int, kind: type) -> No
     source = np.random.default_rng(1)
     observations = observe(alone([[value] for value in source.normal(1, 0.3, n_runs)]))
     fit = aft(observations)
-    [model] = conformal(fit, observations).models.values()
+    [model] = conformal(AFT, fit, observations).models.values()
     assert isinstance(model.log_work, kind)
     assert model.log_factors == next(iter(fit.models.values())).log_factors
 
@@ -71,14 +74,14 @@ def test_fewer_than_ten_residuals_keep_the_normal(n_runs: int, kind: type) -> No
 @pytest.mark.parametrize("n_runs", [1, 2])
 def test_a_run_alone_has_no_residuals(n_runs: int) -> None:
     observations = observe(alone([[1.0] * 20] * n_runs))
-    assert len(held_out_residuals(observations).get(("H", "h"), [])) == (0 if n_runs == 1 else 40)
+    assert len(held_out_residuals(AFT, observations).get(("H", "h"), [])) == (0 if n_runs == 1 else 40)
 
 
 def test_tasks_that_only_one_run_has_keep_the_normal() -> None:
     found = alone([[1.0, 1.1]] * 12)
     rare = frame([row("H", "rare", 10**15 + n, 10**15 + n + 9, run_id="run000") for n in range(20)])
     observations = observe(pl.concat([found, rare]))
-    models = conformal(aft(observations), observations).models
+    models = conformal(AFT, aft(observations), observations).models
     assert isinstance(models["H", "rare"].log_work, NormalLogWork)
     assert isinstance(models["H", "h"].log_work, SampledLogWork)
 
@@ -87,7 +90,7 @@ def test_failed_executions_have_no_residuals() -> None:
     intervals = alone([[1.0, 1.2, 3.0]] * 12).with_columns(
         outcome=pl.when(pl.col("execution_id").str.ends_with("-2")).then(pl.lit("failed")).otherwise("outcome")
     )
-    assert len(held_out_residuals(observe(intervals))["H", "h"]) == 24
+    assert len(held_out_residuals(AFT, observe(intervals))["H", "h"]) == 24
 
 
 @pytest.mark.parametrize(

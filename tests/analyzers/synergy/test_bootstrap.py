@@ -37,7 +37,7 @@ def errors(table: pl.DataFrame, name: str) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["ols", "aft"])
 def test_errors_of_independent_executions_are_those_of_the_estimator(name: str, observations: Observations) -> None:
-    fit = ESTIMATORS[name](observations, "none")
+    fit = ESTIMATORS[name].fit(observations, "none")
     table = with_bootstrap(fit, observations, name, "none", 60, 0, 1).synergies
     pairs = (("std_err", "synergy"), ("free_std_err", "synergy_free")) if name == "aft" else (("std_err", "synergy"),)
     for error, value in pairs:
@@ -61,10 +61,10 @@ def test_executions_that_run_together_widen_the_errors() -> None:
             moved = {name: one[name] + shift for name in ("start_ns", "end_ns", "until_ns")}
             copies.append(one | moved | {"execution_id": f"{copy}-{one['execution_id']}"})
     once, often = observe(frame(found)), observe(frame(copies))
-    own = [errors(ESTIMATORS["ols"](one, "none").synergies, "std_err") for one in (once, often)]
+    own = [errors(ESTIMATORS["ols"].fit(one, "none").synergies, "std_err") for one in (once, often)]
     drawn = [
         errors(
-            with_bootstrap(ESTIMATORS["ols"](one, "none"), one, "ols", "none", 60, 3, 1).synergies,
+            with_bootstrap(ESTIMATORS["ols"].fit(one, "none"), one, "ols", "none", 60, 3, 1).synergies,
             "std_err",
         )
         for one in (once, often)
@@ -87,7 +87,7 @@ def test_the_seed_makes_the_draws_and_the_workers_do_not(observations: Observati
 
 def test_two_workers_give_the_same_aft(observations: Observations) -> None:
     few = observations.only(observations.runs[:4])
-    fit = ESTIMATORS["aft"](few, "none")
+    fit = ESTIMATORS["aft"].fit(few, "none")
     alone, together = (with_bootstrap(fit, few, "aft", "none", 24, 1, workers).synergies for workers in (1, 2))
     assert_frame_equal(alone, together, check_exact=True)
 
@@ -95,7 +95,7 @@ def test_two_workers_give_the_same_aft(observations: Observations) -> None:
 def test_progress_is_told(observations: Observations) -> None:
     told: list[int] = []
     few = observations.only(observations.runs[:3])
-    with_bootstrap(ESTIMATORS["ols"](few, "none"), few, "ols", "none", 45, 1, 1, told.append)
+    with_bootstrap(ESTIMATORS["ols"].fit(few, "none"), few, "ols", "none", 45, 1, 1, told.append)
     assert sum(told) == 45
     assert len(told) > 1
 
@@ -114,7 +114,7 @@ def test_a_replicate_is_the_estimate_from_the_runs_it_drew(observations: Observa
     table = bootstrap(few, "aft", "none", 3, 11)
     for number in range(3):
         drawn = few.drawn(drawn_runs(few.runs, 11, number))
-        expected = ESTIMATORS["aft"](drawn, "none").synergies.select(*PAIR, "synergy", "synergy_free")
+        expected = ESTIMATORS["aft"].fit(drawn, "none").synergies.select(*PAIR, "synergy", "synergy_free")
         found = table.filter(pl.col("replicate") == number).drop("replicate")
         assert_frame_equal(found, expected, check_exact=True)
 
@@ -132,7 +132,7 @@ def test_what_has_no_number_gets_no_interval(name: str) -> None:
         ]
     found.append(row("R", "y", 0, SECOND, run_id="3", execution_id="y"))
     some = observe(frame(found))
-    fit = ESTIMATORS[name](some, "none")
+    fit = ESTIMATORS[name].fit(some, "none")
     table = with_bootstrap(fit, some, name, "none", 25, 1, 1).synergies
     assert table.schema == SYNERGIES
     assert_frame_equal(

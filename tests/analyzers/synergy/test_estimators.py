@@ -11,17 +11,17 @@ from interval_frames import Row, frame, random_runs, rows
 from polars.testing import assert_frame_equal
 
 from hrclog.analyzers.projections.schemas import SYNERGIES
-from hrclog.analyzers.synergy.estimators import ESTIMATORS, OUTLIERS, YARDSTICKS
+from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.log_work import SampledLogWork
 from hrclog.analyzers.synergy.observations import observe
-from hrclog.analyzers.synergy.outliers import Outliers, inliers
+from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, Outliers, inliers
 from hrclog.analyzers.synergy.sampled_models import LEAST_FACTOR
 
 pytestmark = pytest.mark.slow
 
 SECOND = 1_000_000_000
-ALL = ESTIMATORS | YARDSTICKS
+ALL = {**ESTIMATORS, **YARDSTICKS}
 QUICK = [name for name in ALL if name != "bayes"]
 NUMBERS = ("synergy", "std_err", "ci_low", "ci_high")
 FREE_NUMBERS = ("synergy_free", "free_std_err", "free_ci_low", "free_ci_high")
@@ -68,26 +68,26 @@ def sensible(fit: Fit, found: list[Row]) -> None:
 @settings(max_examples=25)
 @given(found=rows(max_size=14, scale=SECOND))
 def test_any_few_executions_give_numbers_that_make_sense_or_none(name: str, found: list[Row]) -> None:
-    sensible(ALL[name](observe(frame(found)), "none"), found)
+    sensible(ALL[name].fit(observe(frame(found)), "none"), found)
 
 
 @settings(max_examples=8)
 @given(found=rows(max_size=14, scale=SECOND))
 def test_any_few_executions_give_bayes_numbers_that_make_sense_or_none(found: list[Row]) -> None:
-    sensible(ALL["bayes"](observe(frame(found)), "none"), found)
+    sensible(ALL["bayes"].fit(observe(frame(found)), "none"), found)
 
 
 @every
-@pytest.mark.parametrize("outliers", OUTLIERS)
+@pytest.mark.parametrize("outliers", OUTLIER_METHODS)
 @pytest.mark.parametrize("agents", ["H", "HR", "HRS"])
 def test_random_runs_give_numbers_that_make_sense(name: str, outliers: Outliers, agents: str) -> None:
     found = random_runs(1, n_runs=4, per_agent=5, tasks=2, agents=agents, overlap_itself="R")
-    sensible(ALL[name](observe(frame(found)), outliers), found)
+    sensible(ALL[name].fit(observe(frame(found)), outliers), found)
 
 
 @every
 def test_the_estimator_is_named_in_its_rows(name: str) -> None:
-    table = ALL[name](observe(frame(random_runs(1, n_runs=2))), "none").synergies
+    table = ALL[name].fit(observe(frame(random_runs(1, n_runs=2))), "none").synergies
     assert set(table["estimator"]) == {name}
 
 
@@ -95,7 +95,7 @@ def test_the_estimator_is_named_in_its_rows(name: str) -> None:
 def test_estimates_do_not_depend_on_the_order_of_rows(name: str) -> None:
     intervals = frame(random_runs(2, n_runs=4))
     mixed = intervals.sample(fraction=1.0, shuffle=True, seed=1)
-    tables = [ALL[name](observe(one), "none").synergies for one in (intervals, mixed)]
+    tables = [ALL[name].fit(observe(one), "none").synergies for one in (intervals, mixed)]
     assert_frame_equal(*tables, check_exact=True)
 
 
@@ -106,7 +106,7 @@ def test_the_default_comes_first() -> None:
 
 def test_the_yardstick_knows_no_effect_and_no_error() -> None:
     found = random_runs(1, n_runs=4)
-    fit = YARDSTICKS["mean"](observe(frame(found)), "none")
+    fit = YARDSTICKS["mean"].fit(observe(frame(found)), "none")
     seen = [one for one in fit.synergies.to_dicts() if one["n"]]
     assert {(one["synergy"], one["synergy_free"]) for one in seen} == {(1.0, 1.0)}
     assert {one["std_err"] for one in seen} == {None}
@@ -122,7 +122,7 @@ def test_the_yardstick_knows_no_effect_and_no_error() -> None:
 
 def test_models_of_regressions_take_work_off_by_their_factors() -> None:
     found = random_runs(3, n_runs=6, tasks=2)
-    fit = ESTIMATORS["ols"](observe(frame(found)), "none")
+    fit = ESTIMATORS["ols"].fit(observe(frame(found)), "none")
     table = {
         (one["agent"], one["task"], one["other_agent"], one["other_task"]): one for one in fit.synergies.to_dicts()
     }

@@ -17,7 +17,7 @@ from polars.testing import assert_frame_equal
 from hrclog.analyzers.projections.schemas import SYNERGIES
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import observe
-from hrclog.analyzers.synergy.outliers import Outliers
+from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.analyzers.synergy.regression import Regression as Matrices
 from hrclog.analyzers.synergy.regression import concurrent_shares, own_shares
 
@@ -33,7 +33,7 @@ both = pytest.mark.parametrize("name", ["ols", "paper"])
 
 
 def estimated(name: str, intervals: pl.DataFrame, outliers: Outliers = "none") -> pl.DataFrame:
-    return ESTIMATORS[name](observe(intervals), outliers).synergies
+    return ESTIMATORS[name].fit(observe(intervals), outliers).synergies
 
 
 def union_length(spans: list[tuple[int, int]]) -> int:

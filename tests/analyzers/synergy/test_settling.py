@@ -70,19 +70,19 @@ def test_the_last_step_is_the_analysis_and_the_others_are_that_of_their_runs_alo
     runs = runs_of(executions)
     settling = settle(executions, runs, estimator)
     assert settling.schema == SETTLING
-    final = ESTIMATORS[estimator](observe(executions), "none").synergies
+    final = ESTIMATORS[estimator].fit(observe(executions), "none").synergies
     assert at(settling, 7).equals(final)
     for number in (1, 2, 5):
         first = runs["run_id"].head(number)
         assert first[0] == runs["run_id"].max(), "runs come in order of time"
-        alone = ESTIMATORS[estimator](observe(executions.filter(pl.col("run_id").is_in(first.to_list()))), "none")
+        alone = ESTIMATORS[estimator].fit(observe(executions.filter(pl.col("run_id").is_in(first.to_list()))), "none")
         assert at(settling, number).join(alone.synergies, on=PAIR, how="semi").equals(alone.synergies)
 
 
 def test_what_is_known_already_is_not_made_again() -> None:
     executions = in_reverse(4)
     runs, observations = runs_of(executions), observe(executions)
-    final = ESTIMATORS["ols"](observations, "none").synergies.with_columns(pl.lit(7.0).alias("synergy"))
+    final = ESTIMATORS["ols"].fit(observations, "none").synergies.with_columns(pl.lit(7.0).alias("synergy"))
     settling = settle(executions, runs, "ols", observations=observations, final=final)
     assert at(settling, 4).equals(final)
     assert at(settling, 2).equals(at(settle(executions, runs, "ols"), 2))
@@ -189,7 +189,7 @@ def test_a_thousand_runs_take_seconds() -> None:
     executions = frame(random_runs(1, 1000, per_agent=12, tasks=4))
     runs, observations = runs_of(executions), observe(executions)
     start = time.process_time()
-    final = ESTIMATORS["aft"](observations, "none").synergies
+    final = ESTIMATORS["aft"].fit(observations, "none").synergies
     once = time.process_time() - start
     start = time.process_time()
     settling = settle(executions, runs, "aft", observations=observations, final=final)

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from hrclog.analyzers.projections.intervals import intervals
 from hrclog.errors import ImportDataError, OutputError
 from hrclog.log.reader import read_log, read_logs
-from hrclog.recorders.importers.mongo import exact_ns, file_name, import_mongo, run_events
+from hrclog.recorders.importers.mongo import import_mongo, run_events
+from hrclog.recorders.importers.writing import exact_ns, file_name
 
 pytestmark = pytest.mark.slow
 
@@ -69,7 +70,7 @@ def test_an_import_elsewhere_is_the_same_to_the_byte(data_dir: Path, tmp_path: P
 
 def test_the_online_runs_are_200_logs_of_24_executions(data_dir: Path, tmp_path: Path) -> None:
     found = import_mongo([data_dir / "safety_areas" / "task_results_online.json"], tmp_path)
-    assert (len(found.written), found.n_executions, len(set(found.recipes))) == (200, 4800, 200)
+    assert (len(found.written), found.n_executions, len(set(found.runs))) == (200, 4800, 200)
     assert intervals(read_logs([tmp_path]).events).group_by("run_id").len()["len"].unique().to_list() == [24]
 
 
@@ -263,12 +264,12 @@ def test_hostile_recipe_names_stay_in_the_folder_and_come_back_whole(tmp_path: P
 
 @given(st.text(st.characters(exclude_categories=["Cs"]), min_size=1))
 def test_any_recipe_has_a_file_name_of_its_own_that_a_file_system_takes(recipe: str) -> None:
-    name = file_name(recipe)
+    name = file_name("mongo", recipe)
     assert name
     assert not set(name) & set("/\\\0:\n")
     assert not name.startswith(".")
     assert len(name.encode()) <= 200
-    assert (name == recipe) or file_name(recipe + "!") != name
+    assert (name == recipe) or file_name("mongo", recipe + "!") != name
 
 
 def test_the_same_document_in_two_dumps_counts_once(tmp_path: Path) -> None:
@@ -293,7 +294,7 @@ def test_a_dump_that_has_changed_is_refused_and_nothing_is_written(change: Docum
     import_mongo([dump(tmp_path / "dump.json", document(0))], folder)
     before = snapshot(folder)
     source = dump(tmp_path / "dump.json", document(0, **change), document(1, recipe="another"))
-    with pytest.raises(ImportDataError, match="the dump has changed since"):
+    with pytest.raises(ImportDataError, match="the source has changed since"):
         import_mongo([source], folder)
     assert snapshot(folder) == before
 

@@ -1,0 +1,63 @@
+"""Scores of estimators, from logs: what `hrclog score` does, in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import polars as pl
+
+from hrclog.analyzers.prediction.score import Score
+from hrclog.analyzers.prediction.score import score as summed_up
+from hrclog.analyzers.prediction.settings import SCORED, cross_validate, predict_prequential, predict_static
+from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.analyzers.synergy.estimators import EstimatorName
+from hrclog.analyzers.synergy.outlier_methods import Outliers
+from hrclog.log.reader import read_logs
+
+Paths = str | Path | Iterable[str | Path]
+
+
+def score(
+    logs: Paths,
+    test: Paths | None = None,
+    *,
+    estimators: Sequence[EstimatorName] = SCORED,
+    outliers: Outliers = "none",
+    folds: int = 5,
+    seed: int = 0,
+    static: bool = False,
+    transfer_deviation: float = 0.0,
+) -> Score:
+    """Say how well estimators predict durations and makespans that they have not seen.
+
+    Without `test`, each fold of runs is predicted from the others. With it, test runs are predicted in time order,
+    each from all logs and the test runs before it; with `static` from the logs alone.
+
+    Args:
+        logs: logs, folders and globs to learn from.
+        test: those to predict.
+        estimators: names of those to score; the first is compared with the others.
+        outliers: which executions they leave out.
+        folds: of cross-validation by run.
+        seed: of the folds.
+        static: do not learn from test runs that have ended.
+        transfer_deviation: with `static`, standard deviation of log durations between sessions, if it is known.
+
+    Raises:
+        PluginError: an estimator is not known.
+        LogReadError: nothing matched, or no file could be read.
+        HrclogError: there are too few runs, or a run is on both sides.
+    """
+    known = _intervals(logs)
+    if test is None:
+        return summed_up(cross_validate(known, folds, seed, estimators, outliers))
+    unseen = _intervals(test)
+    if static:
+        return summed_up(predict_static(known, unseen, estimators, outliers, transfer_deviation))
+    return summed_up(predict_prequential(known, unseen, estimators, outliers))
+
+
+def _intervals(logs: Paths) -> pl.DataFrame:
+    paths = [logs] if isinstance(logs, str | Path) else logs
+    return rebuild(read_logs(paths).events)[0]

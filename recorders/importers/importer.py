@@ -1,0 +1,110 @@
+"""What an importer is: one class that turns files of another system into the events of runs."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from hrclog.diagnostic import Diagnostic
+from hrclog.events import Event
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option of an importer on the command line.
+
+    Attributes:
+        name: of the argument that `read` gets it as; `report_gaps` is `--report-gaps`.
+        help: what it is for.
+        kind: `bool` makes a flag; else what a text is turned into.
+        default: where it is not given; with `multiple`, a tuple.
+        multiple: whether it may be given several times.
+    """
+
+    name: str
+    help: str
+    kind: type[bool | str | int | float | Path] = str
+    default: Any = None
+    multiple: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Foreign:
+    """What the files of another system hold.
+
+    Attributes:
+        names: of the runs, each once; in this order their logs are written.
+        events: returns the events of a run by its name: `run_started` first, in order of time, all of one run id.
+        n_executions: how many executions all runs hold.
+        diagnostics: what could not be taken over, and why.
+    """
+
+    names: Sequence[str]
+    events: Callable[[str], Sequence[Event]]
+    n_executions: int = 0
+    diagnostics: Sequence[Diagnostic] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What an import did: logs written, logs that were there and are the same, the names of all runs in order."""
+
+    written: list[Path] = field(default_factory=list)
+    unchanged: list[Path] = field(default_factory=list)
+    n_executions: int = 0
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+    runs: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What an importer reports beside the logs: a line and a table for people, and the same as values for JSON."""
+
+    text: str = ""
+    header: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Importer(ABC):
+    """Reads the files of another system. `writing.import_files` writes the logs.
+
+    Derive every id from the source (`hrclog.ids.derived_id`), so that importing twice adds nothing.
+
+    Attributes:
+        name: by which it is chosen: `hrclog import NAME`.
+        summary: one line for lists.
+        description: what follows it in the help.
+        example: a command line.
+        options: those it has beside the files and the folder.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str] = ""
+    description: ClassVar[str] = ""
+    example: ClassVar[str] = ""
+    options: ClassVar[tuple[Option, ...]] = ()
+
+    @abstractmethod
+    def read(self, sources: Sequence[Path], **options: Any) -> Foreign:  # noqa: ANN401 - what its options hold
+        """Return what the files hold; one bad file among several is a diagnostic.
+
+        Args:
+            sources: the files.
+            options: one for each of `options`, by name.
+
+        Raises:
+            ImportDataError: no file can be read.
+        """
+
+    def remark(self, imported: Imported, **options: Any) -> Remark:  # noqa: ANN401, ARG002 - for those that need them
+        """Return what else is to be said of an import.
+
+        Args:
+            imported: what it did.
+            options: as for `read`.
+        """
+        return Remark()

@@ -1,0 +1,17 @@
+"""The importers there are, by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from hrclog.plugins import Registry
+
+if TYPE_CHECKING:
+    from hrclog.recorders.importers.importer import Importer
+
+IMPORTERS: Final[Registry[Importer]] = Registry(
+    "importer",
+    "hrclog.importers",
+    "hrclog.recorders.importers.importer:Importer",
+    {"mongo": "hrclog.recorders.importers.mongo:Mongo"},
+)

@@ -1,0 +1,113 @@
+"""What all importers share: from the events of foreign runs to logs, one a run, none overwritten."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from decimal import ROUND_HALF_EVEN, Decimal
+from pathlib import Path
+from typing import Any, Final
+
+from hrclog.errors import HrclogError, ImportDataError, OutputError
+from hrclog.event_rows import to_row
+from hrclog.events import COLUMNS, Event
+from hrclog.file_names import file_stem
+from hrclog.ids import derived_id
+from hrclog.log.decode import frame_of_rows
+from hrclog.log.reader import read_log
+from hrclog.log.writer import write_log
+from hrclog.recorders.importers.importer import Foreign, Imported, Importer
+from hrclog.units import NS_PER_S
+from hrclog.wording import counted
+
+_LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a suffix while it is written
+
+
+def import_files(
+    importer: Importer,
+    sources: Sequence[Path],
+    folder: Path,
+    on_run: Callable[[Path], None] = lambda _: None,
+    **options: Any,  # noqa: ANN401 - what the importer's options hold
+) -> Imported:
+    """Write one log per run; a run whose log is there already is left alone.
+
+    Args:
+        importer: reads the sources.
+        sources: files of the other system.
+        folder: where the logs go.
+        on_run: called after each run, for progress.
+        options: of the importer; those that are not given have their defaults.
+
+    Raises:
+        ImportDataError: no source can be read, the importer failed, or an existing log says something else than its
+            run; then nothing is written.
+        OutputError: the folder cannot be made.
+    """
+    given = {option.name: option.default for option in importer.options} | options
+    foreign = _read(importer, sources, given)
+    paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
+    known = {path for path in paths.values() if path.exists()}
+    for run, path in paths.items():
+        if path in known:
+            _check_unchanged(path, foreign.events(run))
+    _make_folder(folder)
+    written: list[Path] = []
+    for run, path in paths.items():
+        if path not in known:
+            write_log(path, foreign.events(run))
+            written.append(path)
+        on_run(path)
+    unchanged = [path for path in paths.values() if path in known]
+    return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths))
+
+
+def file_name(source: str, run: str) -> str:
+    """Return a file name for a run: its name where that is safe, else cleaned and told apart by a hash."""
+    clean = file_stem(run, _LONGEST_NAME)
+    return clean if clean == run else f"{clean}_{derived_id(source, run)[:8]}"
+
+
+def exact_ns(seconds: float) -> int:
+    """Return a binary float of seconds as nanoseconds, rounded once and to even.
+
+    The float is converted exactly: `round(seconds * 1e9)` would be off by up to 128 ns at today's epoch.
+    """
+    return int((Decimal(seconds) * NS_PER_S).to_integral_value(ROUND_HALF_EVEN))
+
+
+def _read(importer: Importer, sources: Sequence[Path], options: dict[str, Any]) -> Foreign:
+    try:
+        foreign: object = importer.read(sources, **options)
+    except HrclogError:
+        raise
+    except Exception as error:
+        raised = f"importer {importer.name!r} raised {type(error).__name__}: {error}"
+        raise ImportDataError(sources[0], raised, "runs", "look at it with --debug") from error
+    if not isinstance(foreign, Foreign):
+        returned = f"importer {importer.name!r} returned {type(foreign).__name__}"
+        raise ImportDataError(sources[0], returned, "a Foreign")
+    return foreign
+
+
+def _check_unchanged(path: Path, events: Sequence[Event]) -> None:
+    existing = read_log(path).events.sort("seq").select(COLUMNS)
+    if set(existing["run_id"]) != {events[0].run_id}:
+        found, expected = "a log of another run", "no file, or the log of the same run"
+        raise ImportDataError(path, found, expected, "use an empty folder")
+    remedy = "the source has changed since: import into an empty folder"
+    if existing.height != len(events):
+        there, wanted = counted(existing.height, "event"), counted(len(events), "event")
+        raise ImportDataError(path, f"a log of {there}", f"{wanted} of this run", remedy)
+    imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
+    for seq, (old, new) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
+        if old != new:
+            name, was, now = next(fact for fact in zip(COLUMNS, old, new, strict=True) if fact[1] != fact[2])
+            raise ImportDataError(path, f"{name} {was!r} in event {seq}", f"{now!r} as in the source", remedy)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(folder, f"the folder cannot be made ({error.strerror})") from error
