@@ -15,7 +15,7 @@ TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
     _version arrays diagnostic errors event_rows events file_names ids json_record parallel plugins
-    recipe_names scene state units
+    recipe_names scene state units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""
 

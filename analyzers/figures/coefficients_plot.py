@@ -10,6 +10,7 @@ from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
 from hrclog.analyzers.figures.curves import log_ticks
 from hrclog.analyzers.figures.palette import Color, Paint
 from hrclog.analyzers.figures.plot import NAMELESS, NARROW, Axis, Dot, Key, Plot, Stroke, Text
+from hrclog.wording import counted
 
 _WIDEST: Final = 5.0
 _WIDEST_LOG: Final = 100.0
@@ -68,8 +69,8 @@ def _ends(rows: Sequence[Coefficient], *, log: bool) -> tuple[float, float, int]
 def _beyond(clipped: int) -> tuple[str, ...]:
     if not clipped:
         return ()
-    intervals = "1 interval reaches" if clipped == 1 else f"{clipped} intervals reach"
-    return (f"{intervals} beyond the axis; the table has the ends.",)
+    which = counted(clipped, "interval reaches", "intervals reach")
+    return (f"{which} beyond the axis; the table has the ends.",)
 
 
 def _axis(low: float, high: float, *, log: bool) -> Axis:

@@ -15,6 +15,7 @@ from hrclog.analyzers.figures.series import BEYOND
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.projections.mean_interval import mean_interval
 from hrclog.arrays import FloatArray, IntArray
+from hrclog.wording import counted
 
 MAX_DOTS: Final = 500
 """Dots of a row."""
@@ -117,7 +118,8 @@ def _not_drawn(
     ends = [(one.low, one.high) for one in drawn if one.low is not None and one.high is not None]
     beyond = sum(low < axis[0] or high > axis[1] for low, high in ends)
     thinned = any(len(one.values) > MAX_DOTS for one in drawn)
-    yield f"{len(known) - MAX_ROWS} further rows are not drawn." if len(known) > MAX_ROWS else ""
+    further = len(known) - MAX_ROWS
+    yield f"{counted(further, 'further row is', 'further rows are')} not drawn." if further > 0 else ""
     yield f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all." if thinned else ""
     yield f"Intervals that reach beyond the axis: {beyond}." if beyond else ""
     yield f"Values beyond 1e12 that are left out, of the means too: {left_out}." if left_out else ""

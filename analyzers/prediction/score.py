@@ -13,6 +13,7 @@ import polars as pl
 from hrclog.analyzers.prediction.settings import Predictions
 from hrclog.arrays import FloatArray
 from hrclog.errors import HrclogError
+from hrclog.wording import counted
 
 _DRAWS: Final = 2000
 _SEED: Final = 0
@@ -69,8 +70,8 @@ def score(predictions: Predictions) -> Score:
     """
     if predictions.executions.is_empty():
         raise HrclogError(
-            f"none of {predictions.n_executions} successful executions could be predicted; expected some of a task that"
-            " succeeded in other runs: give more runs to learn from"
+            f"none of {counted(predictions.n_executions, 'successful execution')} could be predicted; expected some of "
+            "a task that succeeded in other runs: give more runs to learn from"
         )
     rows = predictions.executions.with_columns(
         pl.col("observed_s").is_between("low_s", "high_s").alias("covered"),

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
 from hrclog.cli.common import printable, table
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.search.find import Found
@@ -48,21 +49,22 @@ def forecast_line(told: Forecast) -> str:
     """Return the makespan with what is uncertain about it."""
     return (
         f"expected {told.mean_s:.1f} s [{told.mean_low_s:.1f}, {told.mean_high_s:.1f}], "
-        f"90 % of runs {told.run_low_s:.1f} to {told.run_high_s:.1f} s ({told.worlds} runs drawn)"
+        f"90 % of runs {told.run_low_s:.1f} to {told.run_high_s:.1f} s ({counted(told.worlds, 'run')} drawn)"
     )
 
 
 def _how(found: Found) -> str:
+    judged = f"{counted(found.search.judged, 'plan')} judged"
     if found.wish.method in _BY_MEAN_DURATIONS:
         ties = len(found.search.best)
-        return f"method {found.wish.method}, one of {ties:,} equally good by it, {found.search.judged:,} plans judged"
+        return f"method {found.wish.method}, one of {ties:,} equally good by it, {judged}"
     if found.search.exhaustive and found.search.judged == 1:
         return f"method {found.wish.method}, the only plan there is"
     if found.search.exhaustive:
         return f"method {found.wish.method}, the best of all {found.search.judged:,} plans"
     why = found.search.stopped
     stopped = f", stopped {why}" if why.startswith("after") else f", {why}" if why else ""
-    return f"method {found.wish.method}, {found.search.judged:,} plans judged{stopped}"
+    return f"method {found.wish.method}, {judged}{stopped}"
 
 
 def _pairs(found: Found) -> Iterator[str]:

@@ -13,6 +13,7 @@ from hrclog.cli.run_plan import Done
 from hrclog.events import TaskEnded, TaskFact, TaskStarted
 from hrclog.planning.plan import Plan
 from hrclog.units import NS_PER_S
+from hrclog.wording import counted
 
 INTERRUPTED: Final = 130
 """Exit code of a run that somebody ended."""
@@ -64,8 +65,7 @@ def plan_text(plan: Plan, runs: Sequence[Done]) -> str:
     """Return the line of a plan that was executed several times, or among others."""
     mean, low, high, count = _mean(runs)
     failed = f", {len(runs) - count} of {len(runs)} did not succeed" if count < len(runs) else ""
-    word = "run" if len(runs) == 1 else "runs"
-    head = f"{plan.name}: {len(runs)} {word}{failed}"
+    head = f"{plan.name}: {counted(len(runs), 'run')}{failed}"
     if mean is None:
         return head
     interval = "" if low is None else f" [{low:.1f}, {high:.1f}]"

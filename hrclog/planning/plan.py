@@ -21,6 +21,7 @@ from hrclog.planning.provenance import (
     expected_from_json,
     made_for_from_json,
 )
+from hrclog.wording import counted
 
 Orders = dict[str, tuple[str, ...]]
 """The tasks of each agent, in its order."""
@@ -309,12 +310,12 @@ def _check_counts(problem: Problem, orders: Mapping[str, Sequence[str]], name: s
         expected = problem.total(task)
         if found != expected and not problem.is_extra(task):
             raise ScenarioError(
-                f"plan {name!r}: {task!r} is done {found} times, expected {expected}; add or remove some"
+                f"plan {name!r}: {task!r} is done {counted(found, 'time')}, expected {expected}; add or remove some"
             )
     for count in problem.counts:
         found = list(orders.get(count.agent, ())).count(count.task)
         if count.agent and found < count.count:
-            text = f"{count.agent!r} does {count.task!r} {found} times, expected {count.count}"
+            text = f"{count.agent!r} does {count.task!r} {counted(found, 'time')}, expected {count.count}"
             raise ScenarioError(f"plan {name!r}: {text}; add or remove some")
 
 

@@ -16,6 +16,7 @@ from typing import Any, Final
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
 from hrclog.json_record import JsonRecord, check_all
+from hrclog.wording import counted
 
 LONGEST_S: Final = 1e7
 """Four months: what is longer is no task of a run."""
@@ -367,7 +368,7 @@ def _check_count(problem: Problem, count: Count) -> None:
 
 def _check_targets(problem: Problem, task: Task) -> None:
     if task.targets and problem.total(task.name) > len(task.targets):
-        found = f"{problem.total(task.name)} executions for {len(task.targets)} targets"
+        found = f"{counted(problem.total(task.name), 'execution')} for {counted(len(task.targets), 'target')}"
         raise ScenarioError(f"task {task.name!r}: {found}; lower its counts or add targets")
 
 

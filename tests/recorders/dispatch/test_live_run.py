@@ -153,7 +153,7 @@ def test_nothing_is_written_for_a_plan_that_cannot_be_carried_out(tmp_path: Path
     circle = Plan("p", (PlanItem("1", "a", "1", ("2",)), PlanItem("2", "b", "1", ("1",))))
     with pytest.raises(ScenarioError, match="in a circle"):
         run_live(tmp_path / "run.mcap", RunSetup(plan=circle, problem=problem_of(plan)), {}, loop)
-    with pytest.raises(ScenarioError, match="'1' is done 1 times, expected 2"):
+    with pytest.raises(ScenarioError, match="'1' is done 1 time, expected 2"):
         run_live(tmp_path / "run.mcap", RunSetup(plan=line("a-1"), problem=problem_of(plan)), {}, loop)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "run.mcap").write_text("mine")
