@@ -41,6 +41,7 @@ from hrclog.sim.truth import (
     run_to_json,
     write_truth,
 )
+from hrclog.wording import counted
 
 WORK_FOLDER: Final = ".campaign"
 _MANIFEST: Final = "manifest.json"
@@ -67,7 +68,7 @@ class Manifest:
 
     def __str__(self) -> str:
         guarded = f", safety {self.safety}" if self.safety else ""
-        return f"{self.runs} runs of {self.scenario}, seed {self.seed}, engine {self.engine}{guarded}"
+        return f"{counted(self.runs, 'run')} of {self.scenario}, seed {self.seed}, engine {self.engine}{guarded}"
 
 
 def manifest_of(scenario: Scenario, runs: int, seed: int, engine: str) -> Manifest:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from hrclog.analyzers.search.methods import METHODS, OBJECTIVES
 from hrclog.cli.common import json_option, print_json, tell
 from hrclog.cli.known_times import kb_option, known_times
 from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
 from hrclog.cli.problem_file import load_problem, problem_argument
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.search.forecast import Forecast
@@ -21,23 +23,21 @@ if TYPE_CHECKING:
     from hrclog.planning.problem import Problem
     from hrclog.sim.scenario import Scenario
 
-METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighboring", "random")
-
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
 @problem_argument
 @kb_option
 @click.option(
     "--objective",
-    type=click.Choice(["mean", "p95", "closed-form"]),
-    default="mean",
+    type=click.Choice(list(OBJECTIVES)),
+    default=next(iter(OBJECTIVES)),
     show_default=True,
-    help="Of the makespan: its expectation, what 95 % of runs stay below, or the paper's closed form.",
+    help=f"Of the makespan: {'; '.join(f'{each.name}, {each.summary}' for each in OBJECTIVES.values())}.",
 )
 @click.option(
     "--method",
-    type=click.Choice(METHODS),
-    default="auto",
+    type=click.Choice(list(METHODS)),
+    default=next(iter(METHODS)),
     show_default=True,
     metavar="METHOD",
     help=f"How to look for a plan: {', '.join(METHODS)}.",
@@ -298,5 +298,5 @@ def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) 
     if options["as_json"]:
         print_json({"problem": options["problem_name"], "seed": options["seed"], "plans": [str(p) for p in paths]})
     else:
-        click.echo(f"{len(paths)} plans of {options['problem_name']}: {paths[0]} .. {paths[-1].name}")
+        click.echo(f"{counted(len(paths), 'plan')} of {options['problem_name']}: {paths[0]} .. {paths[-1].name}")
     return 0

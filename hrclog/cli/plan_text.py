@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
+from hrclog.analyzers.search.methods import METHODS
 from hrclog.cli.common import printable, table
 from hrclog.wording import counted
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 _WIDTH: Final = 96
 _PAIRS: Final = 5
 _APART: Final = 0.75  # of the usual time side by side; what is above is not kept apart
-_BY_MEAN_DURATIONS: Final = ("baseline", "not-neighboring")
-"""Methods that do not look for the least expected makespan."""
 
 
 def found_text(found: Found) -> str:
@@ -55,7 +54,7 @@ def forecast_line(told: Forecast) -> str:
 
 def _how(found: Found) -> str:
     judged = f"{counted(found.search.judged, 'plan')} judged"
-    if found.wish.method in _BY_MEAN_DURATIONS:
+    if METHODS[found.wish.method].by_mean_durations:
         ties = len(found.search.best)
         return f"method {found.wish.method}, one of {ties:,} equally good by it, {judged}"
     if found.search.exhaustive and found.search.judged == 1:

@@ -14,6 +14,8 @@ from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, json_option, print_js
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.cli.replan_options import replan_options
 from hrclog.cli.run_options import RunOptions
+from hrclog.planning.dispatch_mode import MODES
+from hrclog.recorders.dispatch.policy import OnFailure
 from hrclog.sim.engine import ENGINES
 
 if TYPE_CHECKING:
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--mode",
-    type=click.Choice(["sequential", "timed", "synchronous", "asynchronous", "reactive"]),
+    type=click.Choice(list(MODES)),
     help="How items are handed out.  [default: the scenario's]",
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="Of the simulated agents.")
@@ -66,7 +68,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--on-failure",
-    type=click.Choice(["skip", "abort"]),
+    type=click.Choice([str(choice) for choice in OnFailure]),
     help="Go on without an item that failed for good, or end the run.  [default: the scenario's]",
 )
 @replan_options

@@ -10,7 +10,7 @@ from functools import partial
 from hrclog.errors import HrclogError, LogWriteError
 from hrclog.events import AnnotationAdded, Event, Outcome, PlanChanged, Role, TaskEnded
 from hrclog.ids import new_id as new_uuid
-from hrclog.planning.dispatch_mode import DispatchMode, Schedule, schedule_of
+from hrclog.planning.dispatch_mode import MODES, DispatchMode, Schedule, schedule_of
 from hrclog.planning.dispatch_rule import Decision, Verdict, decide
 from hrclog.planning.plan import Plan, PlanItem
 from hrclog.recorders.clock import Action, Clock
@@ -177,7 +177,7 @@ class Dispatcher:
         return False
 
     def _decide(self, agent: str) -> Decision:
-        timed = self._policy.mode == DispatchMode.TIMED
+        timed = MODES[self._policy.mode].timed
         return decide(
             self._schedule.queues[agent],
             self.outcomes,

@@ -225,7 +225,7 @@ def _skill(entry: JsonRecord) -> Skill:
 
 def _safety(record: JsonRecord) -> SafetySettings:
     entry = record.record("safety", ("policy", *POLICIES))
-    parts: dict[str, Any] = {"policy": _choice(entry, "policy", POLICIES)}
+    parts: dict[str, Any] = {"policy": _choice(entry, "policy", tuple(POLICIES))}
     if parts["policy"] == AREAS and AREAS not in entry:
         raise entry.error(AREAS, "the areas that the policy 'areas' goes by")
     for name in POLICIES:

@@ -86,7 +86,7 @@ def test_the_authors_importer_reads_our_task_results(kb: KnowledgeBase, tmp_path
     export_json(kb, tmp_path / "files")
     found = import_mongo([tmp_path / "files" / "task_results.json"], tmp_path / "logs")
     assert found.n_executions == kb.results().height
-    assert len(found.recipes) == kb.results()["run_id"].n_unique()
+    assert len(found.runs) == kb.results()["run_id"].n_unique()
 
 
 def test_the_published_durations_come_out_of_the_authors_results(data_dir: Path, tmp_path: Path) -> None:
