@@ -389,7 +389,7 @@ def test_a_pair_that_only_one_side_knows_has_no_ratio() -> None:
 def test_a_run_on_both_sides_is_an_error_that_names_it() -> None:
     a, b = two_sides(14)
     shared = [one for one in a if one["run_id"] in ("arun001", "arun002")]
-    with pytest.raises(HrclogError, match=r"'arun001' .* on both sides.* and 1 more are"):
+    with pytest.raises(HrclogError, match=r"'arun001' .* on both sides.* and 1 more is"):
         compare(analysed(a), analysed([*b, *shared]))
 
 
