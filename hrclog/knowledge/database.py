@@ -12,7 +12,7 @@ from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from hrclog.errors import KnowledgeError
 from hrclog.knowledge.place import WRITING, Place, make_engine, place_of
-from hrclog.knowledge.tables import META, METADATA, SCHEMA_VERSION
+from hrclog.knowledge.tables import KNOWLEDGE_VERSION, META, METADATA
 
 WAIT_S: Final = 10.0
 """How long to wait for another writer, in seconds."""
@@ -113,7 +113,7 @@ class Database:
         with self.writing() as connection:
             if not inspect(connection).has_table(META.name):  # another process may have been faster
                 METADATA.create_all(connection)
-                connection.execute(insert(META).values(key="schema_version", value=SCHEMA_VERSION))
+                connection.execute(insert(META).values(key="schema_version", value=KNOWLEDGE_VERSION))
 
 
 _ANOTHER: Final = "choose another place for the knowledge base"
@@ -135,8 +135,8 @@ def _nothing(where: str | Path) -> KnowledgeError:
 
 def _check_version(place: Place, connection: Connection) -> None:
     version = connection.execute(select(META.c.value).where(META.c.key == "schema_version")).scalar()
-    if version != SCHEMA_VERSION:
-        found = f"found a knowledge base of schema version {version}, expected {SCHEMA_VERSION}"
+    if version != KNOWLEDGE_VERSION:
+        found = f"found a knowledge base of schema version {version}, expected {KNOWLEDGE_VERSION}"
         remedy = "use the hrclog that made it, or make a new one from the logs with hrclog kb update LOG... --kb NEW"
         raise KnowledgeError(place.shown, found, remedy)
 
