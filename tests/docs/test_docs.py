@@ -20,7 +20,12 @@ from hrclog.diagnostic import CODES
 from hrclog.events import COLUMNS, EVENT_CLASSES
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "sample_logs" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "sample_logs" / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NEEDS_BULLET = re.compile(r"engine[ =]\"?bullet")
 EXITS = re.compile(r"\s+# exits (\d+).*$")
