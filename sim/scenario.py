@@ -25,7 +25,6 @@ SCENARIO_FOLDER: Final = Path(__file__).parent / "scenarios"
 SKIP: Final = "skip"
 ABORT: Final = "abort"
 SEQUENTIAL: Final = DispatchMode.SEQUENTIAL
-TIMED: Final = DispatchMode.TIMED
 
 AgentTask = tuple[str, str]
 T = TypeVar("T")

@@ -21,7 +21,7 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
 from hrclog.wording import counted
 
-SCHEMA_VERSION: Final = 1
+COMPARISON_VERSION: Final = 1
 DEFAULT_DRAWS: Final = 200
 TABLES: Final = ("metrics", "durations", "success_rates", "plan", "synergies")
 
@@ -69,7 +69,7 @@ class Comparison:
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: durations in seconds, null where not known."""
         return {
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": COMPARISON_VERSION,
             "hrclog_version": __version__,
             "estimator": self.estimator,
             "outliers": self.outliers,

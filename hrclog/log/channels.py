@@ -215,16 +215,6 @@ def encode_pose(time_ns: int, position: Sequence[float], quaternion: Sequence[fl
         raise InvalidEventError(f"pose: a field cannot be written ({error})") from error
 
 
-def decode_joints(data: bytes) -> tuple[list[str], tuple[float, ...]]:
-    """Return names and positions of a little-endian CDR JointState.
-
-    Raises:
-        ValueError: the message is damaged.
-    """
-    names, begin, count = joint_names(data)
-    return names, struct.unpack_from(f"<{count}d", data, begin)
-
-
 def joint_names(data: bytes) -> tuple[list[str], int, int]:
     """Return the names of a little-endian CDR JointState, the byte at which its positions begin, and how many it has.
 

@@ -12,10 +12,10 @@ from hrclog.event_rows import parse_details
 from hrclog.events import (
     COLUMNS,
     EVENT_CLASSES,
+    EVENT_VERSION,
     FLOAT_COLUMNS,
     INT_COLUMNS,
     LATEST_NS,
-    SCHEMA_VERSION,
     TASK_KINDS,
     Role,
 )
@@ -191,11 +191,11 @@ def _unknown(events: pl.DataFrame) -> list[Diagnostic]:
 
 
 def _newer(events: pl.DataFrame) -> list[Diagnostic]:
-    newer = pl.col("schema_version") > SCHEMA_VERSION
+    newer = pl.col("schema_version") > EVENT_VERSION
     return [
         Diagnostic(
             "newer_schema",
-            f"{counted(count, 'event has', 'events have')} version {version}, this hrclog knows {SCHEMA_VERSION}",
+            f"{counted(count, 'event has', 'events have')} version {version}, this hrclog knows {EVENT_VERSION}",
             path,
             run_id,
             seq,

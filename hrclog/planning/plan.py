@@ -26,7 +26,7 @@ from hrclog.wording import counted
 Orders = dict[str, tuple[str, ...]]
 """The tasks of each agent, in its order."""
 
-SCHEMA_VERSION: Final = 1
+PLAN_VERSION: Final = 1
 
 _PLAN_FIELDS: Final = ("schema_version", "name", "problem", "expected", "items", "arrivals")
 _ITEM_FIELDS: Final = (
@@ -93,7 +93,7 @@ class Plan:
     def work_json(self) -> dict[str, Any]:
         """Return what is to be done as JSON values: the plan without where it comes from."""
         values: dict[str, Any] = {
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": PLAN_VERSION,
             "name": self.name,
             "items": [_item_json(item) for item in self.items],
         }
@@ -211,9 +211,9 @@ def plan_from_json(record: JsonRecord) -> Plan:
     Raises:
         ScenarioError: a field is missing or wrong, ids are not unique, or items wait for each other in a circle.
     """
-    version = record.integer("schema_version", SCHEMA_VERSION)
-    if version > SCHEMA_VERSION:
-        raise record.error("schema_version", f"at most {SCHEMA_VERSION} (a newer hrclog wrote it)")
+    version = record.integer("schema_version", PLAN_VERSION)
+    if version > PLAN_VERSION:
+        raise record.error("schema_version", f"at most {PLAN_VERSION} (a newer hrclog wrote it)")
     items = tuple(_item_from_json(entry) for entry in record.records("items", _ITEM_FIELDS))
     seen: set[str] = set()
     for index, item in enumerate(items):

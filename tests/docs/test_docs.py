@@ -24,7 +24,12 @@ from hrclog.planning.dispatch_mode import MODES
 from hrclog.sim.cell.safety_settings import POLICIES
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "sample_logs" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "sample_logs" / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NEEDS_BULLET = re.compile(r"engine[ =]\"?bullet")
 EXITS = re.compile(r"\s+# exits (\d+).*$")
