@@ -185,6 +185,17 @@ def test_arrows_that_run_back_are_imported_where_they_are_called() -> None:
         assert f"hrclog.{target}" not in at_once
 
 
+@pytest.mark.parametrize("module", sorted(MODULES))
+def test_no_function_is_longer_than_sixty_lines_or_takes_more_than_ten_arguments(module: str) -> None:
+    public = {("recorders.recorder", "start")}  # its keywords are what users write
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.FunctionDef):
+            assert (node.end_lineno or 0) - node.lineno < 60, node.name
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            free = module.startswith("cli.") or node.name == "__init__" or (module, node.name) in public
+            assert free or len(arguments) <= 10, node.name
+
+
 def test_few_modules_lie_loose_in_analyzers() -> None:
     assert len(list((ROOT / "analyzers").glob("*.py"))) <= 5
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -83,28 +85,33 @@ def command(
             simulating.done()
             code = following.catch_up(str(out_dir))
     truth = out_dir / TRUTH_FILE
-    failed = _failed(truth)
-    contacts = _contacts(truth) if cell.cell and engine == "bullet" else None
+    moving = cell.cell if engine == "bullet" else None
+    result: dict[str, Any] = {
+        "scenario": cell.name,
+        "engine": engine,
+        "safety": moving.safety.policy if moving else None,
+        "seed": seed,
+        "logs": [str(path) for path in paths],
+        "truth": str(truth),
+        "failed_runs": _failed(truth),
+        "contacts": _contacts(truth) if moving else None,
+    }
     if as_json:
-        result = {
-            "scenario": cell.name,
-            "engine": engine,
-            "safety": cell.cell.safety.policy if cell.cell and engine == "bullet" else None,
-            "seed": seed,
-            "logs": [str(path) for path in paths],
-            "truth": str(truth),
-            "failed_runs": failed,
-            "contacts": contacts,
-        }
         print_json(result)
     else:
-        click.echo(f"{counted(len(paths), 'run')} of {cell.name}: {paths[0]} .. {paths[-1].name}, truth in {truth}")
-        if failed:
-            click.echo(f"runs in which something did not succeed: {failed} of {len(paths)}")
-        if contacts is not None:
-            click.echo(f"contacts while moving: {contacts} in {counted(len(paths), 'run')}")
-        click.echo(f"Look at it: hrclog view {out_dir}")
+        click.echo("\n".join(_lines(result, out_dir)))
     return code
+
+
+def _lines(result: dict[str, Any], out_dir: Path) -> Iterator[str]:
+    logs = result["logs"]
+    runs = counted(len(logs), "run")
+    yield f"{runs} of {result['scenario']}: {logs[0]} .. {Path(logs[-1]).name}, truth in {result['truth']}"
+    if result["failed_runs"]:
+        yield f"runs in which something did not succeed: {result['failed_runs']} of {len(logs)}"
+    if result["contacts"] is not None:
+        yield f"contacts while moving: {result['contacts']} in {runs}"
+    yield f"Look at it: hrclog view {out_dir}"
 
 
 def _failed(truth: Path) -> int:
