@@ -54,6 +54,13 @@ class InvalidEventError(HrclogError):
     """An event's fields are not of the form the vocabulary asks for."""
 
 
+class FrameError(HrclogError):
+    """A value handed over as a frame is none, or lacks columns that it should have."""
+
+    def __init__(self, found: str, expected: str, remedy: str) -> None:
+        super().__init__(f"found {found}; expected {expected}; {remedy}")
+
+
 class ImportDataError(HrclogError):
     """A foreign file cannot be turned into logs."""
 

@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.projections.distributions import NAMES, fit_distributions
+from hrclog.analyzers.projections.frames import INTERVALS_FRAME, check_frame
 from hrclog.analyzers.projections.schemas import DURATIONS
 from hrclog.events import UNKNOWN_OUTCOME, Outcome, Role
 
@@ -30,7 +31,11 @@ def durations(intervals: pl.DataFrame) -> pl.DataFrame:
 
     Returns:
         A frame of schema `DURATIONS`, sorted by (agent, task).
+
+    Raises:
+        FrameError: the argument is no frame of intervals.
     """
+    check_frame(intervals, INTERVALS_FRAME)
     outcome = pl.col("outcome")
     succeeded = (outcome == Outcome.SUCCEEDED.value) & pl.col("end_ns").is_not_null()
     seconds = pl.col("seconds").filter(succeeded)

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import polars as pl
 
+from hrclog.analyzers.projections.frames import EVENTS_FRAME, check_frame
 from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
@@ -46,7 +47,11 @@ def intervals(events: pl.DataFrame) -> pl.DataFrame:
 
     Returns:
         A frame of schema `INTERVALS`.
+
+    Raises:
+        FrameError: the argument is no frame of events.
     """
+    check_frame(events, EVENTS_FRAME)
     return rebuild(events)[0]
 
 

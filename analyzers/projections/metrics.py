@@ -15,6 +15,7 @@ import polars as pl
 
 from hrclog.analyzers.projections.busy import BusyTime, busy_times
 from hrclog.analyzers.projections.critical_path import Precedence, critical_path, critical_path_lengths
+from hrclog.analyzers.projections.frames import EVENTS_FRAME, INTERVALS_FRAME, SIGNALS_FRAME, check_frame
 from hrclog.analyzers.projections.intervals import top_level
 from hrclog.analyzers.projections.schemas import METRICS
 from hrclog.analyzers.projections.speed import SpeedProfile, speed_profiles
@@ -44,7 +45,15 @@ def metrics(
     Returns:
         A frame of schema `METRICS`: fractions of T, but `*_s` in seconds, `*_m` in metres, `*_count` and
         `mean_speed_scale` plain.
+
+    Raises:
+        FrameError: an argument is no frame of its kind.
     """
+    check_frame(intervals, INTERVALS_FRAME)
+    if events is not None:
+        check_frame(events, EVENTS_FRAME)
+    if signals is not None:
+        check_frame(signals, SIGNALS_FRAME)
     busy = busy_times(intervals)
     speeds = speed_profiles(events) if events is not None else {}
     distances = _distances(signals)

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from hrclog.analyzers.projections.frames import INTERVALS_FRAME, check_frame
 from hrclog.analyzers.projections.intervals import SORT, counted
 from hrclog.analyzers.projections.schemas import OVERLAPS, PAIR_OVERLAPS
 from hrclog.arrays import IntArray
@@ -38,7 +39,11 @@ def overlaps(intervals: pl.DataFrame) -> pl.DataFrame:
 
     Returns:
         A frame of schema `OVERLAPS`, symmetric: (k, c) is there with (c, k).
+
+    Raises:
+        FrameError: the argument is no frame of intervals.
     """
+    check_frame(intervals, INTERVALS_FRAME)
     rows = intervals.filter(counted()).sort(SORT)
     first, second, overlap = sweep(rows["run_id"], rows["start_ns"], rows["until_ns"])
     ahead, behind = np.concatenate([first, second]), np.concatenate([second, first])
