@@ -107,6 +107,6 @@ def _used(runs: dict[str, RunRecord], view: View) -> list[RunRecord]:
 
 
 def _results(runs: list[RunRecord]) -> pl.DataFrame:
-    if not runs:
-        return pl.DataFrame(schema=frame_schema(TASK_RESULTS))
-    return results_frame(pl.concat([run.results for run in runs]))
+    """Return the executions of runs as a view would, a frame of intervals."""
+    none = pl.DataFrame(schema=frame_schema(TASK_RESULTS))
+    return results_frame(pl.concat([none, *(run.results for run in runs)])).with_columns(pl.lit("").alias("path"))
