@@ -1,5 +1,5 @@
 # Shortcuts, see docs/development.md.
-.PHONY: setup quick test lint format types ci samples
+.PHONY: setup quick test fuzz coverage lint format types ci samples
 
 setup:
 	python3 -m venv .venv && .venv/bin/pip install -e '.[all,test]'
@@ -9,6 +9,12 @@ quick:
 
 test:
 	.venv/bin/pytest -n 2
+
+fuzz:
+	HRCLOG_FUZZ=1 .venv/bin/pytest -n 2
+
+coverage:
+	.venv/bin/pytest -n 2 --dist worksteal --cov --cov-report=term
 
 lint:
 	.venv/bin/ruff check . && .venv/bin/ruff format --check .

@@ -20,7 +20,7 @@ from hrclog.log.recorded_scene import RecordedScene
 if TYPE_CHECKING:
     from hrclog.analyzers.figures import CampaignFigures, RunFigures
 
-SCHEMA_VERSION: Final = 1
+ANALYSIS_VERSION: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Analysis:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""
         of_run = nested(self.metrics)
         return {
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": ANALYSIS_VERSION,
             "hrclog_version": __version__,
             "estimator": self.estimator,
             "outliers": self.outliers,

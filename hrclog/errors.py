@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 
 class HrclogError(Exception):
@@ -54,13 +55,6 @@ class InvalidEventError(HrclogError):
     """An event's fields are not of the form the vocabulary asks for."""
 
 
-class FrameError(HrclogError):
-    """A value handed over as a frame is none, or lacks columns that it should have."""
-
-    def __init__(self, found: str, expected: str, remedy: str) -> None:
-        super().__init__(f"found {found}; expected {expected}; {remedy}")
-
-
 class ImportDataError(HrclogError):
     """A foreign file cannot be turned into logs."""
 
@@ -71,7 +65,32 @@ class ImportDataError(HrclogError):
 
 
 class ScenarioError(HrclogError):
-    """A scenario, problem or plan is not valid."""
+    """A scenario, problem or plan is not valid.
+
+    Args:
+        problems: all that is wrong, each with its place; at least one.
+    """
+
+    MOST: Final = 20
+    """Problems that the message lists."""
+
+    def __init__(self, *problems: str) -> None:
+        self.problems = problems
+        super().__init__(problems[0] if len(problems) == 1 else _listed(problems, self.MOST))
+
+    def at(self, where: str) -> ScenarioError:
+        """Return the same error with a place before each problem."""
+        return ScenarioError(*(f"{where}: {problem}" for problem in self.problems))
+
+
+def _listed(problems: Sequence[str], most: int) -> str:
+    """Return a line for each problem, below one with the file that they share."""
+    places = {problem.partition(": ")[0] for problem in problems}
+    place = f"{places.pop()}: " if len(places) == 1 else ""
+    lines = [f"{place}{len(problems)} problems", *(problem.removeprefix(place) for problem in problems[:most])]
+    if len(problems) > most:
+        lines.append(f"... and {len(problems) - most} more")
+    return "\n  ".join(lines)
 
 
 class DispatchError(HrclogError):

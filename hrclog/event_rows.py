@@ -11,10 +11,10 @@ from hrclog.errors import InvalidEventError
 from hrclog.events import (
     COLUMNS,
     EVENT_CLASSES,
+    EVENT_VERSION,
     FLOAT_COLUMNS,
     INT_COLUMNS,
     LATEST_NS,
-    SCHEMA_VERSION,
     STRING_COLUMNS,
     TASK_KINDS,
     Cause,
@@ -25,7 +25,7 @@ from hrclog.events import (
 )
 
 _EMPTY_ROW: Final[dict[str, Any]] = (
-    {"schema_version": SCHEMA_VERSION, "attempt": 0, "seq": 0}
+    {"schema_version": EVENT_VERSION, "attempt": 0, "seq": 0}
     | dict.fromkeys((*INT_COLUMNS, *FLOAT_COLUMNS))
     | dict.fromkeys(STRING_COLUMNS, "")
 )

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, ClassVar, Final, TypeVar
 
-SCHEMA_VERSION: Final = 1
+EVENT_VERSION: Final = 1
 
 INT_COLUMNS: Final = ("time_ns", "agent_time_ns", "planned_start_ns", "planned_end_ns")
 FLOAT_COLUMNS: Final = ("planned_duration_s", "planning_time_s", "path_length", "speed_scale")

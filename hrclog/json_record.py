@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hrclog.errors import ScenarioError
+
+T = TypeVar("T")
 
 
 class JsonRecord:
@@ -18,19 +20,24 @@ class JsonRecord:
         value: the parsed value, which must be an object.
         where: file and position, for messages.
         allowed: names a field may have; any other name is an error, so that a typing mistake is never ignored.
+        problems: what is wrong goes there, if it is given, and reading goes on with a value of the right type; nested
+            objects share it. Without it the first error is raised.
 
     Raises:
         ScenarioError: not an object, or a field of an unknown name.
     """
 
-    def __init__(self, value: object, where: str, allowed: Sequence[str]) -> None:
-        if not isinstance(value, Mapping):
-            raise wrong(where, value, "a JSON object")
-        self._fields: Mapping[str, Any] = value
+    def __init__(self, value: object, where: str, allowed: Sequence[str], problems: list[str] | None = None) -> None:
         self.where = where
-        unknown = sorted(set(value) - set(allowed))
-        if unknown:
-            raise ScenarioError(f"{where}: unknown field {unknown[0]!r}; the fields are {', '.join(sorted(allowed))}")
+        self.problems = problems
+        self._fields: Mapping[str, Any] = value if isinstance(value, Mapping) else {}
+        self._silent = False
+        if not isinstance(value, Mapping):
+            self._instead(wrong(where, value, "a JSON object"), None)
+            self._silent = True  # that all its fields are missing is no news
+        known = ", ".join(sorted(allowed))
+        for name in sorted(set(self._fields) - set(allowed)):
+            self._instead(ScenarioError(f"{where}: unknown field {name!r}; the fields are {known}"), None)
 
     def __contains__(self, name: str) -> bool:
         return name in self._fields
@@ -41,96 +48,171 @@ class JsonRecord:
 
     def text(self, name: str, default: str | None = None) -> str:
         """Return a text; without a default it must be there and not be empty."""
-        if name not in self._fields and default is not None:
-            return default
-        value = self._required(name)
-        if not isinstance(value, str) or not (value or default is not None) or not _is_text(value):
-            raise self.error(name, "a text that is not empty" if default is None else "a text")
-        return value
+
+        def is_right(value: object) -> bool:
+            return isinstance(value, str) and bool(value or default is not None) and _is_text(value)
+
+        expected = "a text that is not empty" if default is None else "a text"
+        return str(self._value(name, default, is_right, expected, default or "?"))
 
     def number(self, name: str, default: float | None = None, *, least: float = 0.0, most: float = math.inf) -> float:
         """Return a finite number from `least` to `most`."""
-        if name not in self._fields and default is not None:
-            return default
-        value = self._required(name)
-        fine = _is_number(value)
-        if not fine or not least <= value <= most:
-            raise self.error(name, f"a number from {least:g}" + (f" to {most:g}" if math.isfinite(most) else ""))
-        return float(value)
+
+        def is_right(value: Any) -> bool:  # noqa: ANN401 - a JSON value
+            return _is_number(value) and least <= value <= most
+
+        expected = f"a number from {least:g}" + (f" to {most:g}" if math.isfinite(most) else "")
+        return float(self._value(name, default, is_right, expected, max(least, min(1.0, most))))
 
     def positive(self, name: str) -> float:
         """Return a finite number above 0."""
         value = self.number(name)
-        if value <= 0.0:
-            raise self.error(name, "a number above 0")
-        return value
+        return value if value > 0.0 else self._instead(self.error(name, "a number above 0"), 1.0)
 
     def integer(self, name: str, default: int | None = None, *, least: int = 0) -> int:
         """Return a whole number of at least `least`."""
-        if name not in self._fields and default is not None:
-            return default
-        value = self._required(name)
-        if not isinstance(value, int) or isinstance(value, bool) or value < least:
-            raise self.error(name, f"a whole number of at least {least}")
-        return value
+
+        def is_right(value: object) -> bool:
+            return isinstance(value, int) and not isinstance(value, bool) and value >= least
+
+        return int(self._value(name, default, is_right, f"a whole number of at least {least}", least))
 
     def flag(self, name: str) -> bool:
         """Return true or false; false where it is not there."""
-        value = self._fields.get(name, False)
-        if not isinstance(value, bool):
-            raise self.error(name, "true or false")
-        return value
+        return bool(self._value(name, False, lambda value: isinstance(value, bool), "true or false", False))
 
     def texts(self, name: str, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
         """Return a list of texts."""
-        if name not in self._fields and default is not None:
-            return default
-        value = self._required(name)
-        if not isinstance(value, list) or not all(isinstance(text, str) and text and _is_text(text) for text in value):
-            raise self.error(name, "a list of texts")
-        return tuple(value)
+
+        def is_right(value: object) -> bool:
+            return isinstance(value, list) and all(
+                isinstance(text, str) and bool(text) and _is_text(text) for text in value
+            )
+
+        return tuple(self._value(name, default, is_right, "a list of texts", ()))
 
     def names(self, name: str) -> tuple[str, ...]:
         """Return the names of the fields of a nested object."""
-        value = self._required(name)
-        if not isinstance(value, Mapping):
-            raise self.error(name, "a JSON object")
-        return tuple(value)
+        return tuple(self._value(name, None, lambda value: isinstance(value, Mapping), "a JSON object", ()))
 
     def numbers(self, name: str) -> tuple[float, ...]:
         """Return a list of finite numbers."""
-        value = self._required(name)
-        if not _is_numbers(value):
-            raise self.error(name, "a list of numbers")
-        return tuple(map(float, value))
+        return tuple(map(float, self._value(name, None, _is_numbers, "a list of numbers", ())))
 
     def number_lists(self, name: str) -> list[tuple[float, ...]]:
         """Return a list of lists of finite numbers."""
-        value = self._required(name)
-        if not isinstance(value, list) or not all(_is_numbers(entry) for entry in value):
-            raise self.error(name, "a list of lists of numbers")
-        return [tuple(map(float, entry)) for entry in value]
+
+        def is_right(value: object) -> bool:
+            return isinstance(value, list) and all(_is_numbers(entry) for entry in value)
+
+        return [
+            tuple(map(float, entry)) for entry in self._value(name, None, is_right, "a list of lists of numbers", ())
+        ]
 
     def record(self, name: str, allowed: Sequence[str]) -> JsonRecord:
         """Return a nested object."""
-        return JsonRecord(self._required(name), self._at(name), allowed)
+        return self._nested(self._value(name, None, lambda _: True, "", None), self._at(name), allowed)
 
     def records(self, name: str, allowed: Sequence[str], *, required: bool = True) -> list[JsonRecord]:
         """Return a list of nested objects; [] where it is not required and not there."""
         if name not in self._fields and not required:
             return []
-        value = self._required(name)
-        if not isinstance(value, list):
-            raise self.error(name, "a list of JSON objects")
-        return [JsonRecord(entry, f"{self._at(name)}[{index}]", allowed) for index, entry in enumerate(value)]
+        entries = self._value(name, None, lambda value: isinstance(value, list), "a list of JSON objects", [])
+        return [self._nested(entry, f"{self._at(name)}[{index}]", allowed) for index, entry in enumerate(entries)]
+
+    def noted(self, read: Callable[[], T]) -> T | None:
+        """Return what a function reads; where this object collects problems and it finds some, note them and go on.
+
+        Args:
+            read: may raise a ScenarioError.
+        """
+        return read() if self.problems is None else attempt(read, self.problems)
+
+    def strict(self) -> JsonRecord:
+        """Return the same object, but with the first error raised."""
+        return JsonRecord(self._fields, self.where, tuple(self._fields))
+
+    def parts(self, entries: Iterable[JsonRecord], read: Callable[[JsonRecord], T]) -> tuple[T, ...]:
+        """Return what a function reads of each of some nested objects, without those that are wrong."""
+        values: list[T] = []
+        for entry in entries:
+            try:
+                values.append(read(entry))
+            except ScenarioError as error:
+                if self.problems is None:
+                    raise
+                self.problems += error.problems
+        return tuple(values)
+
+    def check(self) -> None:
+        """Raise if there are problems.
+
+        Raises:
+            ScenarioError: with all of them.
+        """
+        if self.problems:
+            raise ScenarioError(*dict.fromkeys(self.problems))
+
+    def _nested(self, value: object, where: str, allowed: Sequence[str]) -> JsonRecord:
+        if value is None and self.problems is not None:
+            missing = JsonRecord({}, where, allowed, self.problems)
+            missing._silent = True  # that it is missing was said
+            return missing
+        return JsonRecord(value, where, allowed, self.problems)
 
     def _at(self, name: str) -> str:
         return f"{self.where}: {name}"
 
-    def _required(self, name: str) -> Any:  # noqa: ANN401 - a JSON value
+    def _value(
+        self,
+        name: str,
+        default: Any,  # noqa: ANN401 - a JSON value
+        is_right: Callable[[Any], bool],
+        expected: str,
+        instead: Any,  # noqa: ANN401 - a value of the type that is read
+    ) -> Any:  # noqa: ANN401 - a JSON value
+        """Return the value of a field, its default where it is absent, or something in its place where it is wrong."""
         if name not in self._fields:
-            raise ScenarioError(f"{self.where}: {name!r} is missing; add it")
-        return self._fields[name]
+            if default is not None:
+                return default
+            return self._instead(ScenarioError(f"{self.where}: {name!r} is missing; add it"), instead)
+        value = self._fields[name]
+        return value if is_right(value) else self._instead(self.error(name, expected), instead)
+
+    def _instead(self, error: ScenarioError, value: T) -> T:
+        """Note an error and return a value in place of what is wrong, or raise it where nobody collects them."""
+        if self.problems is None:
+            raise error
+        if not self._silent:
+            self.problems.append(str(error))
+        return value
+
+
+def attempt(make: Callable[[], T], problems: list[str]) -> T | None:
+    """Return what a function makes, or None and note its problems.
+
+    Args:
+        make: may raise a ScenarioError.
+        problems: those of others, to which its own are added.
+    """
+    try:
+        return make()
+    except ScenarioError as error:
+        problems += error.problems
+        return None
+
+
+def check_all(checks: Iterable[Callable[[], object]]) -> None:
+    """Make checks that raise a ScenarioError each, and raise one with all that they found.
+
+    Raises:
+        ScenarioError: at least one check failed.
+    """
+    problems: list[str] = []
+    for check in checks:
+        attempt(check, problems)
+    if problems:
+        raise ScenarioError(*dict.fromkeys(problems))
 
 
 def _is_numbers(value: object) -> bool:

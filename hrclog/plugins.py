@@ -91,13 +91,13 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def _load(self, name: str) -> None:
         if name in self._paths:
-            self._loaded[name] = self._made(_imported(self.kind, self._paths[name]), self._paths[name])
+            self._loaded[name] = self._made(imported(self.kind, self._paths[name]), self._paths[name])
         elif ":" in name:
-            made = self._made(_imported(self.kind, name), name)
+            made = self._made(imported(self.kind, name), name)
             self._keep(self._checked_name(made, name), made, name)
             self._loaded[name] = made
         elif name in (points := self._entry_points()):
-            self._loaded[name] = self._made(_imported(self.kind, points[name]), points[name])
+            self._loaded[name] = self._made(imported(self.kind, points[name]), points[name])
         else:
             yours = f", or package.module:NAME of {'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} of yours"
             raise PluginError(
@@ -105,7 +105,7 @@ class Registry(Mapping[str, T], Generic[T]):
             )
 
     def _made(self, thing: object, where: str) -> T:
-        base: type[T] = _imported(self.kind, self._base)
+        base: type[T] = imported(self.kind, self._base)
         try:
             made = thing() if isinstance(thing, type) else thing
         except TypeError as error:
@@ -139,7 +139,16 @@ def _path(thing: object) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def _imported(kind: str, path: str) -> Any:  # noqa: ANN401 - whatever stands there
+def imported(kind: str, path: str) -> Any:  # noqa: ANN401 - whatever stands there
+    """Return what a dotted path `module:NAME` names.
+
+    Args:
+        kind: what it is called in messages.
+        path: of a module and a name in it, itself dotted if need be.
+
+    Raises:
+        PluginError: it cannot be imported.
+    """
     module, _, name = path.partition(":")
     try:
         value: Any = importlib.import_module(module)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeVar, cast
 
-SCHEMA_VERSION: Final = 1
+SCENE_VERSION: Final = 1
 MAX_THINGS: Final = 1000
 
 Vector = tuple[float, float, float]
@@ -98,8 +98,8 @@ def parse_scene(text: str) -> tuple[Scene, list[str]]:
         return Scene(), [f"found {reprlib.repr(value)}, expected a JSON object"]
     problems: list[str] = []
     version = value.get("schema_version")
-    if version != SCHEMA_VERSION:
-        problems.append(f"schema_version: found {reprlib.repr(version)}, expected {SCHEMA_VERSION}")
+    if version != SCENE_VERSION:
+        problems.append(f"schema_version: found {reprlib.repr(version)}, expected {SCENE_VERSION}")
     scene = Scene(
         boxes=tuple(_things(value, "boxes", _box, problems)),
         fixtures=tuple(_things(value, "fixtures", _box, problems)),

@@ -17,6 +17,7 @@ from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.recorders.recorder import Recorder, log_path
 from hrclog.recorders.segments import first_segment
 from hrclog.recorders.task_handle import instant
+from hrclog.wording import counted
 
 _RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed")
 _BYTE_ORDER_MARK: Final = "\ufeff"
@@ -199,5 +200,5 @@ def _execution_id(row: dict[str, Any], recorder: Recorder) -> str:
         return open_ids[0]
     raise InvalidEventError(
         f"{row['kind']} of {row['agent']!r}, {row['task']!r} names no execution_id: "
-        f"found {len(open_ids)} open executions of that task, expected one"
+        f"found {counted(len(open_ids), 'open execution')} of that task, expected one"
     )

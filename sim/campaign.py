@@ -62,7 +62,7 @@ def simulate_campaign(
 
     Run `index` depends on scenario, seed, engine and index alone: neither on the number of runs nor on the workers. A
     campaign that was killed is resumed by the same call: runs that are there are not simulated again. It may then be
-    given more runs. A run that fails does not keep the others from being simulated.
+    given more runs, and so may one that is finished. A run that fails does not keep the others from being simulated.
 
     Args:
         scenario: the cell.

@@ -21,11 +21,15 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import polars as pl
+
 from hrclog._version import __version__
 from hrclog.errors import LogExistsError, LogWriteError, OutputError, ScenarioError
+from hrclog.event_rows import parse_details
 from hrclog.log.files import lock, replace_atomically, sync_folder
+from hrclog.log.reader import read_log
 from hrclog.log.writer import write_log
-from hrclog.sim.run import Run, run_name
+from hrclog.sim.run import Run, run_id_of, run_name
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.truth import (
     TRUTH_FILE,
@@ -37,6 +41,7 @@ from hrclog.sim.truth import (
     run_to_json,
     write_truth,
 )
+from hrclog.wording import counted
 
 WORK_FOLDER: Final = ".campaign"
 _MANIFEST: Final = "manifest.json"
@@ -63,7 +68,7 @@ class Manifest:
 
     def __str__(self) -> str:
         guarded = f", safety {self.safety}" if self.safety else ""
-        return f"{self.runs} runs of {self.scenario}, seed {self.seed}, engine {self.engine}{guarded}"
+        return f"{counted(self.runs, 'run')} of {self.scenario}, seed {self.seed}, engine {self.engine}{guarded}"
 
 
 def manifest_of(scenario: Scenario, runs: int, seed: int, engine: str) -> Manifest:
@@ -100,7 +105,12 @@ def campaign_folder(scenario: Scenario, manifest: Manifest, path: Path) -> Itera
     except OSError as error:
         raise OutputError(path, f"cannot be made ({error.strerror})") from error
     with _alone(path):
-        folder = CampaignFolder(path, manifest, lambda index: run_name(scenario, index))
+        folder = CampaignFolder(
+            path,
+            manifest,
+            lambda index: run_name(scenario, index),
+            lambda index: run_id_of(scenario, manifest.seed, index, manifest.engine),
+        )
         folder.begin()
         try:
             yield folder
@@ -117,15 +127,19 @@ class CampaignFolder:
         path: the folder.
         manifest: of the campaign.
         name_of: returns the name of the run of a number.
+        id_of: returns the id of the run of a number.
     """
 
-    def __init__(self, path: Path, manifest: Manifest, name_of: Callable[[int], str]) -> None:
+    def __init__(
+        self, path: Path, manifest: Manifest, name_of: Callable[[int], str], id_of: Callable[[int], str]
+    ) -> None:
         self.path = path
         self.resumed = False
         self.done: dict[int, RunTruth] = {}
         self._work = path / WORK_FOLDER
         self._manifest = manifest
         self._name_of = name_of
+        self._id_of = id_of
 
     def log(self, index: int) -> Path:
         """Return the log of a run."""
@@ -138,11 +152,13 @@ class CampaignFolder:
             LogExistsError: something is in the way.
             LogWriteError: the folder cannot be written.
         """
-        found = self._found()
+        found, finished = self._found(), None
         if found is None:
             with suppress(OSError):
                 self._clear()  # a campaign was killed when it had hardly begun, or was all but over
-            self._check_empty()
+            finished = self._extended()
+            if finished is None:
+                self._check_empty()
         else:
             self._check_same(found)
         with _told(self._work):
@@ -151,7 +167,11 @@ class CampaignFolder:
         if found != self._manifest:
             text = compact_json(asdict(self._manifest)).encode()
             replace_atomically(self._work / _MANIFEST, lambda stream: stream.write(text))
-        self.resumed = found is not None
+        if finished:
+            with _told(self._work):
+                for run in finished.runs:
+                    (self._work / f"{run.name}.json").write_text(compact_json(run_to_json(run)), encoding="utf-8")
+        self.resumed = found is not None or finished is not None
         self.done = self._done()
 
     def finish(self, truth: Truth) -> None:
@@ -183,6 +203,27 @@ class CampaignFolder:
         except (OSError, ValueError, TypeError) as error:
             remedy = f"it cannot be read as a campaign of this hrclog ({error}); remove {self._work} or {_ELSEWHERE}"
             raise LogExistsError(path, remedy) from error
+
+    def _extended(self) -> Truth | None:
+        """Return the truth of the finished campaign that this one goes on with, None if there is none such."""
+        own = self._manifest
+        try:
+            truth = read_truth(self.path / TRUTH_FILE)
+        except ScenarioError:
+            return None
+        there = replace(own, scenario=truth.scenario, seed=truth.seed, engine=truth.engine, safety=truth.safety or "")
+        count = len(truth.runs)
+        whole = all(self.log(index).exists() for index in range(count))
+        new = not any(self.log(index).exists() for index in range(count, own.runs))
+        # ids depend on all that the scenario says
+        same = [run.run_id for run in truth.runs] == [self._id_of(index) for index in range(count)]
+        return truth if there == own and count < own.runs and whole and new and same and self._same_version() else None
+
+    def _same_version(self) -> bool:
+        """Return whether the first log here is of this version, which alone gives the same bytes."""
+        started = read_log(self.log(0)).events.filter(pl.col("kind") == "run_started")
+        software = parse_details(str(started["details"].first() or "")).get("software", {})
+        return isinstance(software, dict) and software.get("hrclog") == self._manifest.version
 
     def _check_empty(self) -> None:
         """Raise if a file would be overwritten."""

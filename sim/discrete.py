@@ -271,3 +271,17 @@ class DiscreteCell:
             time_ns=self._clock.now_ns,
             cause=Cause.SAFETY,
         )
+
+
+def discrete_cell(scenario: Scenario, clock: Clock, seed: int, index: int) -> DiscreteCell:
+    """Return a new cell for one run.
+
+    Args:
+        scenario: what the cell is like.
+        clock: stands at the start of the run.
+        seed: of the campaign.
+        index: number of the run in the campaign.
+    """
+    return DiscreteCell(
+        scenario, clock, {agent: Stream(seed, index, "agent", agent) for agent in scenario.problem.agents}
+    )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
 from hrclog.errors import ScenarioError
+from hrclog.plugins import imported
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.executors.protocol import Executor
 from hrclog.sim.truth import ExecutionTruth, PairTruth
@@ -14,8 +16,30 @@ if TYPE_CHECKING:
     from hrclog.log.encode import Signal
     from hrclog.sim.scenario import Scenario
 
-ENGINES: Final = ("events", "bullet")
-"""Names of the cells, the usual one first."""
+
+@dataclass(frozen=True, slots=True)
+class EngineRecord:
+    """A way to simulate a cell.
+
+    Attributes:
+        name: by which it is chosen.
+        summary: what it simulates.
+        make: dotted path `module:NAME` of what makes a cell of scenario, clock, seed and number of the run.
+    """
+
+    name: str
+    summary: str
+    make: str
+
+
+ENGINE_RECORDS: Final = (
+    EngineRecord("events", "discrete events with given synergies", "hrclog.sim.discrete:discrete_cell"),
+    EngineRecord("bullet", "a robot and a human that move, in PyBullet", "hrclog.sim.bullet.engine:BulletCell"),
+)
+"""The usual one first."""
+
+ENGINES: Final = tuple(record.name for record in ENGINE_RECORDS)
+"""Their names."""
 
 
 class Engine(Protocol):
@@ -76,14 +100,8 @@ def make_engine(name: str, scenario: Scenario, clock: Clock, seed: int, index: i
     Raises:
         ScenarioError: there is no such engine, or it cannot carry out the scenario.
     """
-    if name == "events":
-        from hrclog.sim.discrete import DiscreteCell
-        from hrclog.sim.stream import Stream
-
-        streams = {agent: Stream(seed, index, "agent", agent) for agent in scenario.problem.agents}
-        return DiscreteCell(scenario, clock, streams)
-    if name == "bullet":
-        from hrclog.sim.bullet.engine import BulletCell
-
-        return BulletCell(scenario, clock, seed, index)
+    for record in ENGINE_RECORDS:
+        if record.name == name:
+            make: Callable[[Scenario, Clock, int, int], Engine] = imported("engine", record.make)
+            return make(scenario, clock, seed, index)
     raise ScenarioError(f"engine {name!r}: unknown; the engines are {', '.join(ENGINES)}")

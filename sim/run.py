@@ -10,18 +10,19 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
-from hrclog._version import __version__
 from hrclog.errors import ScenarioError
 from hrclog.events import Event, Outcome, RunEnded, RunStarted
 from hrclog.ids import Uuid7Generator
 from hrclog.planning.plan import Plan, PlanItem, check_plan, with_planned_times
+from hrclog.planning.provenance import made_for
 from hrclog.planning.random_plans import random_plans
 from hrclog.planning.run_state import Replan
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.protocol import Executor
-from hrclog.sim.engine import ENGINES, make_engine
+from hrclog.sim.engine import ENGINES, Engine, make_engine
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.stream import Stream
@@ -65,7 +66,7 @@ def simulate_run(scenario: Scenario, seed: int, index: int, plan: Plan | None = 
     Raises:
         ScenarioError: the plan does not fit, or the run comes to a standstill.
     """
-    given = () if plan is None else (json.dumps(plan.to_json(), sort_keys=True),)
+    given = () if plan is None else (json.dumps(plan.work_json(), sort_keys=True),)
     chosen = plan_of(scenario, seed, index) if plan is None else fitting_plan(scenario, plan)
     run = carry_out(scenario, chosen, seed, index, policy_of(scenario), engine=engine, apart=given)
     if run.stuck:
@@ -105,57 +106,46 @@ def carry_out(
         ScenarioError: the items wait for each other in a circle.
     """
     queue = EventQueue(BASE_EPOCH_NS + index * _spacing_ns(scenario))
-    other_engine = () if engine == ENGINES[0] else (engine, scenario.cell_digest)
-    # runs of different scenarios and plans start at the same instants and may be analysed together
-    id_stream = Stream(seed, index, "ids", scenario.name, scenario.digest, *other_engine, *apart)
-    new_id = Uuid7Generator(lambda: queue.now_ns, id_stream.bits)
+    cell = make_engine(engine, scenario, queue, seed, index)
+    executors = {**cell.executors, **others(queue)}
+    new_id = _ids(scenario, seed, index, engine, apart, queue)
+    setup = RunSetup(
+        plan=plan,
+        problem=scenario.problem,
+        policy=policy,
+        seed=seed,
+        software={"engine": cell.name},
+        replan=replan,
+    )
     run_id, name = new_id(), name or run_name(scenario, index)
     events: list[Event] = []
 
     def write(event: Event) -> None:
         events.append(replace(event, run_id=run_id, seq=len(events)))
 
-    cell = make_engine(engine, scenario, queue, seed, index)
-    executors = {**cell.executors, **others(queue)}
-    dispatcher = Dispatcher(
-        plan,
-        scenario.problem,
-        executors,
-        queue,
-        policy,
-        run_id=run_id,
-        emit=write,
-        new_id=new_id,
-        on_done=cell.stop,
-        replan=replan,
-    )
-    write(
-        RunStarted(
-            time_ns=queue.now_ns,
-            name=name,
-            agents=scenario.problem.agents,
-            plan=plan.to_json(),
-            task_properties=scenario.problem.to_json()["tasks"],
-            dispatch_mode=str(policy.mode),
-            software={"hrclog": __version__, "engine": cell.name},
-            seed=seed,
-        )
-    )
+    dispatcher = Dispatcher(setup, executors, queue, run_id=run_id, emit=write, new_id=new_id, on_done=cell.stop)
+    write(RunStarted(time_ns=queue.now_ns, name=name, **setup.facts()))
     if any(executors[agent] is own for agent, own in cell.executors.items()):
         cell.watch()
     dispatcher.run()
     outcome, reason = dispatcher.verdict()
-    truth = RunTruth(
-        run_id,
-        name,
-        tuple(cell.truth),
-        tuple(cell.pairs),
-        cell.contacts,
-        "" if outcome == Outcome.SUCCEEDED else outcome,
-    )
-    signals = tuple(replace(signal, run_id=run_id) for signal in cell.signals)
     write(RunEnded(time_ns=events[-1].time_ns, outcome=outcome, reason=reason))
-    return Run(tuple(events), truth, signals, dispatcher.stuck)
+    signals = tuple(replace(signal, run_id=run_id) for signal in cell.signals)
+    return Run(tuple(events), _truth(cell, run_id, name, outcome), signals, dispatcher.stuck)
+
+
+def _ids(
+    scenario: Scenario, seed: int, index: int, engine: str, apart: tuple[str, ...], queue: EventQueue
+) -> Uuid7Generator:
+    other_engine = () if engine == ENGINES[0] else (engine, scenario.cell_digest)
+    # runs of different scenarios and plans start at the same instants and may be analysed together
+    stream = Stream(seed, index, "ids", scenario.name, scenario.digest, *other_engine, *apart)
+    return Uuid7Generator(lambda: queue.now_ns, stream.bits)
+
+
+def _truth(cell: Engine, run_id: str, name: str, outcome: str) -> RunTruth:
+    failed = "" if outcome == Outcome.SUCCEEDED else outcome
+    return RunTruth(run_id, name, tuple(cell.truth), tuple(cell.pairs), cell.contacts, failed)
 
 
 def policy_of(scenario: Scenario) -> DispatchPolicy:
@@ -167,6 +157,12 @@ def policy_of(scenario: Scenario) -> DispatchPolicy:
         on_failure=failures.on_failure,
         max_wait_s=0.0,
     )
+
+
+def run_id_of(scenario: Scenario, seed: int, index: int, engine: str = ENGINES[0]) -> str:
+    """Return the id of a run of a campaign, which depends on all that the scenario says."""
+    queue = EventQueue(BASE_EPOCH_NS + index * _spacing_ns(scenario))
+    return _ids(scenario, seed, index, engine, (), queue)()
 
 
 def run_name(scenario: Scenario, index: int) -> str:
@@ -191,7 +187,7 @@ class PlanSequence:
 
     def __getitem__(self, index: int) -> Plan:
         for plan in itertools.islice(self._drawn, max(index + 1 - len(self._plans), 0)):
-            self._plans.append(_timed(self._scenario, plan))
+            self._plans.append(_marked(self._scenario, _timed(self._scenario, plan)))
         if index < len(self._plans):
             return self._plans[index]
         number, place = divmod(index, len(self._plans))
@@ -219,12 +215,18 @@ def fitting_plan(scenario: Scenario, plan: Plan) -> Plan:
         ScenarioError: the plan does not solve the scenario's problem.
     """
     check_plan(scenario.problem, plan)
-    return plan if all(item.planned_start_s is not None for item in plan.items) else _timed(scenario, plan)
+    timed = plan if all(item.planned_start_s is not None for item in plan.items) else _timed(scenario, plan)
+    return _marked(scenario, timed)
 
 
 def _timed(scenario: Scenario, plan: Plan) -> Plan:
     gaps_s = {agent: gap.mean_s for agent, gap in scenario.gap.items()}
     return with_planned_times(plan, scenario.durations_s, gaps_s)
+
+
+def _marked(scenario: Scenario, plan: Plan) -> Plan:
+    """Return a plan that names its problem."""
+    return plan if plan.problem else replace(plan, problem=made_for(scenario.name, scenario.problem))
 
 
 def _spacing_ns(scenario: Scenario) -> int:

@@ -5,19 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
-from hrclog.json_record import JsonRecord, read_json
+from hrclog.json_record import JsonRecord, attempt, check_all, read_json
 from hrclog.planning.dispatch_mode import DispatchMode
-from hrclog.planning.problem import PROBLEM_FIELDS, Problem, problem_from_json
+from hrclog.planning.problem import PROBLEM_FIELDS, Problem, read_problem
 from hrclog.sim.cell.description import Cell
-from hrclog.sim.cell.from_json import CELL_FIELDS, TIME_FIELDS, cell_from_json, lognormal_from_json
+from hrclog.sim.cell.from_json import CELL_FIELDS, TIME_FIELDS, lognormal_from_json, read_cell
 from hrclog.sim.lognormal import Lognormal
 
 SCENARIO_FOLDER: Final = Path(__file__).parent / "scenarios"
@@ -25,7 +25,6 @@ SCENARIO_FOLDER: Final = Path(__file__).parent / "scenarios"
 SKIP: Final = "skip"
 ABORT: Final = "abort"
 SEQUENTIAL: Final = DispatchMode.SEQUENTIAL
-TIMED: Final = DispatchMode.TIMED
 
 AgentTask = tuple[str, str]
 T = TypeVar("T")
@@ -186,26 +185,29 @@ def scenario_from_json(value: object, where: str) -> Scenario:
     Raises:
         ScenarioError: a field is missing, unknown, wrong or contradicts another.
     """
-    record = JsonRecord(value, where, _SCENARIO_FIELDS)
+    record = JsonRecord(value, where, _SCENARIO_FIELDS, problems=[])
+    problem_parts = read_problem(record.record("problem", PROBLEM_FIELDS))
+    cell_parts = read_cell(record.record("cell", CELL_FIELDS)) if "cell" in record else None
     parts: dict[str, Any] = {
         "name": record.text("name"),
-        "problem": problem_from_json(record.record("problem", PROBLEM_FIELDS)),
-        "works": tuple(_work(entry) for entry in record.records("work", _WORK_FIELDS)),
-        "synergies": tuple(_synergy(e) for e in record.records("synergies", _SYNERGY_FIELDS, required=False)),
-        "gaps": tuple(
-            Gap(e.text("agent"), lognormal_from_json(e))
-            for e in record.records("gaps", ("agent", *TIME_FIELDS), required=False)
-        ),
+        "works": record.parts(record.records("work", _WORK_FIELDS), _work),
+        "synergies": record.parts(record.records("synergies", _SYNERGY_FIELDS, required=False), _synergy),
+        "gaps": record.parts(record.records("gaps", ("agent", *TIME_FIELDS), required=False), _gap),
         "failures": _failures(record),
         "safety": _safety(record),
         "dispatch_mode": record.text("dispatch_mode", SEQUENTIAL),
         "description": record.text("description", ""),
     }
+    record.check()
+    problems: list[str] = []
+    problem = attempt(problem_parts.problem, problems)
+    cell = attempt(partial(cell_parts.cell, where), problems) if cell_parts else None
+    if problem is None or problems:
+        raise ScenarioError(*problems)
     try:
-        cell = cell_from_json(record.record("cell", CELL_FIELDS)) if "cell" in record else None
-        return Scenario(**parts, cell=cell)
+        return Scenario(problem=problem, **parts, cell=cell)
     except ScenarioError as error:
-        raise ScenarioError(f"{where}: {error}") from error
+        raise error.at(where) from error
 
 
 _SCENARIO_FIELDS = (
@@ -239,6 +241,10 @@ def _synergy(entry: JsonRecord) -> Synergy:
     return Synergy(entry.text("agent"), entry.text("task"), entry.text("other_agent"), entry.text("other_task"), factor)
 
 
+def _gap(entry: JsonRecord) -> Gap:
+    return Gap(entry.text("agent"), lognormal_from_json(entry))
+
+
 def _failures(record: JsonRecord) -> Failures:
     if "failures" not in record:
         return Failures()
@@ -254,15 +260,24 @@ def _safety(record: JsonRecord) -> Safety:
 
 
 def _check(scenario: Scenario) -> None:
-    if not scenario.name or not set(scenario.name) <= _NAME_CHARACTERS:
-        expected = "letters, digits, '-' and '_' (it begins file names)"
-        raise ScenarioError(f"name: found {scenario.name!r}, expected {expected}; rename it")
-    _check_choice("dispatch_mode", scenario.dispatch_mode, tuple(DispatchMode))
-    _check_choice("failures: on_failure", scenario.failures.on_failure, (SKIP, ABORT))
-    _check_keys(scenario)
-    _check_stops(scenario)
+    check_all(_checks(scenario))
+
+
+def _checks(scenario: Scenario) -> Iterator[Callable[[], object]]:
+    """Yield checks that depend on no other."""
+    yield partial(_check_name, scenario.name)
+    yield partial(_check_choice, "dispatch_mode", scenario.dispatch_mode, tuple(DispatchMode))
+    yield partial(_check_choice, "failures: on_failure", scenario.failures.on_failure, (SKIP, ABORT))
+    yield from _key_checks(scenario)
+    yield partial(_check_stops, scenario)
     if scenario.cell is not None:
-        _check_cell(scenario, scenario.cell)
+        yield partial(_check_cell, scenario, scenario.cell)
+
+
+def _check_name(name: str) -> None:
+    if not name or not set(name) <= _NAME_CHARACTERS:
+        expected = "letters, digits, '-' and '_' (it begins file names)"
+        raise ScenarioError(f"name: found {name!r}, expected {expected}; rename it")
 
 
 def _check_cell(scenario: Scenario, cell: Cell) -> None:
@@ -288,30 +303,39 @@ def _check_choice(what: str, found: str, allowed: tuple[str, ...]) -> None:
         raise ScenarioError(f"{what}: found {found!r}, expected one of {', '.join(allowed)}")
 
 
-def _check_keys(scenario: Scenario) -> None:
+def _key_checks(scenario: Scenario) -> Iterator[Callable[[], object]]:
+    """Yield checks that what is said of agents and tasks is said once, and of those that there are."""
     possible = set(scenario.problem.agent_tasks())
     given = [(work.agent, work.task) for work in scenario.works]
     for agent, task in _repeated(given):
-        raise ScenarioError(f"work: {task!r} by {agent!r} is given twice; remove one")
+        yield partial(_fail, f"work: {task!r} by {agent!r} is given twice; remove one")
     for agent, task in sorted(possible - set(given)):
-        raise ScenarioError(f"work: {task!r} by {agent!r} is missing; add its median_s and sigma")
-    for agent, task in given:
-        _check_possible("work", (agent, task), possible)
+        yield partial(_fail, f"work: {task!r} by {agent!r} is missing; add its median_s and sigma")
+    for key in given:
+        yield partial(_check_possible, "work", key, possible)
     pairs = [((s.agent, s.task), (s.other_agent, s.other_task)) for s in scenario.synergies]
     for key, other in pairs:
-        _check_possible("synergies", key, possible)
-        _check_possible("synergies", other, possible)
-        if key[0] == other[0]:
-            raise ScenarioError(f"synergies: {key[1]!r} by {key[0]!r} with its own {other[1]!r}; name another agent")
+        yield partial(_check_pair, key, other, possible)
     for key, other in _repeated(pairs):
-        raise ScenarioError(f"synergies: {key[1]!r} by {key[0]!r} with {other[1]!r} by {other[0]!r} is given twice")
+        yield partial(_fail, f"synergies: {key[1]!r} by {key[0]!r} with {other[1]!r} by {other[0]!r} is given twice")
     agents = [gap.agent for gap in scenario.gaps]
     for agent in (*agents, *scenario.safety.agents):
         if agent not in scenario.problem.agents:
             known = ", ".join(scenario.problem.agents)
-            raise ScenarioError(f"gaps or safety: agent {agent!r} is unknown; the agents are {known}")
+            yield partial(_fail, f"gaps or safety: agent {agent!r} is unknown; the agents are {known}")
     for agent in _repeated(agents):
-        raise ScenarioError(f"gaps: agent {agent!r} is given twice; remove one")
+        yield partial(_fail, f"gaps: agent {agent!r} is given twice; remove one")
+
+
+def _check_pair(key: AgentTask, other: AgentTask, possible: set[AgentTask]) -> None:
+    _check_possible("synergies", key, possible)
+    _check_possible("synergies", other, possible)
+    if key[0] == other[0]:
+        raise ScenarioError(f"synergies: {key[1]!r} by {key[0]!r} with its own {other[1]!r}; name another agent")
+
+
+def _fail(problem: str) -> None:
+    raise ScenarioError(problem)
 
 
 def _repeated(values: list[T]) -> Iterator[T]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hrclog.sim.scenario import Scenario
 
 TRUTH_FILE: Final = "truth.json"
-SCHEMA_VERSION: Final = 1
+TRUTH_VERSION: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +208,7 @@ def _row(part: ExecutionTruth | PairTruth | TaskTruth | SynergyTruth | RunTruth)
 
 def _text(truth: Truth) -> str:
     head = {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": TRUTH_VERSION,
         "scenario": truth.scenario,
         "seed": truth.seed,
         "engine": truth.engine,

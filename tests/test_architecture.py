@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -11,11 +12,12 @@ import pytest
 from hrclog.diagnostic import CODES
 
 ROOT = Path(__file__).parents[1]
+DOTTED = re.compile(r"^(hrclog(?:\.\w+)+):\w+$")
 TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
     _version arrays diagnostic errors event_rows events file_names ids json_record parallel plugins
-    recipe_names scene state units
+    recipe_names scene state units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""
 
@@ -39,7 +41,7 @@ ARROWS: Mapping[str, str] = {
     "analyzers.synergy": "analyzers.projections",
     "analyzers.learning": "log knowledge analyzers.projections analyzers.synergy",
     "analyzers.search": "planning knowledge",
-    "analyzers.prediction": "analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
+    "analyzers.prediction": "log analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
     "analyzers.result": "log analyzers.projections analyzers.synergy analyzers.figures",
     "analyzers.analysis": "log analyzers.projections analyzers.synergy analyzers.result",
     "analyzers.output": "analyzers.result",
@@ -67,7 +69,7 @@ ARROWS: Mapping[str, str] = {
     "sim.event_queue": "recorders.clock",
     "sim.discrete": "log recorders.clock recorders.executors sim.scenario sim.stream sim.truth",
     "sim.bullet": ("log recorders.clock recorders.executors sim.cell sim.models sim.scenario sim.stream sim.truth"),
-    "sim.engine": "log recorders.clock recorders.executors sim.discrete sim.bullet sim.scenario sim.stream sim.truth",
+    "sim.engine": "log recorders.clock recorders.executors sim.discrete sim.bullet sim.scenario sim.truth",
     "sim.run": (
         "log planning recorders.clock recorders.executors recorders.dispatch sim.engine sim.event_queue sim.scenario "
         "sim.stream sim.truth"
@@ -114,6 +116,10 @@ def imported(path: Path) -> set[str]:
             inner = {f"{node.module}.{alias.name}" for alias in node.names}
             taken = {name for name in inner if name.removeprefix("hrclog.") in MODULES}
             found.update(taken or {node.module})
+        elif (
+            isinstance(node, ast.Constant) and isinstance(node.value, str) and (path_of := DOTTED.fullmatch(node.value))
+        ):
+            found.add(path_of[1])  # what a table names is imported when it is asked for
     names = {"hrclog" if name == "hrclog" else name.removeprefix("hrclog.") for name in found if name[:6] == "hrclog"}
     return names & set(MODULES)
 

@@ -15,7 +15,6 @@ EXAMPLES: list[HrclogError] = [
     errors.LogReadError("a.mcap", "nothing", "a log", "check the path"),
     errors.LogWriteError("a.mcap", "disk full", "free space"),
     errors.ImportDataError("a.json", "no JSON", "a dump"),
-    errors.FrameError("None", "a polars frame of intervals", "hrclog.intervals(events) makes one"),
     errors.OutputError("out", "cannot be written"),
     errors.ScenarioError("a cycle"),
 ]

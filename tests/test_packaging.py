@@ -47,8 +47,8 @@ def test_the_sdist_holds_what_a_wheel_is_built_from(built: Path) -> None:
     [sdist] = built.glob("*.tar.gz")
     with tarfile.open(sdist) as archive:
         names = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
-    for name in ("pyproject.toml", "README.md", "LICENSE", "analyzers/intervals.py", "recorders/recorder.py"):
-        assert name in names
+    pages = {"README.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"}
+    assert {*pages, "pyproject.toml", "analyzers/projections/intervals.py", "recorders/recorder.py"} <= names
 
 
 def test_the_wheel_runs_the_demo_on_its_own(built: Path, tmp_path: Path) -> None:

@@ -10,8 +10,15 @@ from typing import get_args
 import pytest
 
 import hrclog
+from hrclog.analyzers.search.judge import Objective
+from hrclog.analyzers.search.methods import METHODS, OBJECTIVES
+from hrclog.analyzers.search.search import SEARCHES
+from hrclog.analyzers.search.wish import Method
 from hrclog.analyzers.synergy.estimators import ESTIMATORS, BuiltInEstimator
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, BuiltInOutliers
+from hrclog.planning.dispatch_mode import MODES, DispatchMode
+from hrclog.sim.bullet.safety import _MAKERS
+from hrclog.sim.cell.safety_settings import POLICIES
 
 TREE = ast.parse(Path(hrclog.__file__).read_text(encoding="utf-8"))
 
@@ -46,3 +53,11 @@ def test_what_was_public_still_is() -> None:
 def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="no attribute 'analyse'"):
         _ = hrclog.analyse  # type: ignore[attr-defined] - the mistake that is tested
+
+
+def test_enumerations_are_those_of_their_tables() -> None:
+    assert list(MODES) == list(DispatchMode)
+    assert list(METHODS) == list(Method)
+    assert ["auto", *SEARCHES] == list(METHODS)
+    assert list(_MAKERS) == list(POLICIES)
+    assert list(OBJECTIVES) == list(Objective)

@@ -19,8 +19,9 @@ from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.result import Analysis
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
+from hrclog.wording import counted
 
-SCHEMA_VERSION: Final = 1
+COMPARISON_VERSION: Final = 1
 DEFAULT_DRAWS: Final = 200
 TABLES: Final = ("metrics", "durations", "success_rates", "plan", "synergies")
 
@@ -68,7 +69,7 @@ class Comparison:
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: durations in seconds, null where not known."""
         return {
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": COMPARISON_VERSION,
             "hrclog_version": __version__,
             "estimator": self.estimator,
             "outliers": self.outliers,
@@ -152,7 +153,7 @@ def compare(
 def _side(analysis: Analysis, name: str) -> Side:
     runs, agents = (analysis.intervals[column].unique().sort().to_list() for column in ("run_id", "agent"))
     if not runs:
-        found = f"{analysis.runs.height} runs without an execution" if analysis.runs.height else "no runs"
+        found = f"{counted(analysis.runs.height, 'run')} without an execution" if analysis.runs.height else "no runs"
         raise HrclogError(f"side {name}: found {found}, expected at least one with executions; name other logs")
     return Side(tuple(runs), tuple(agents))
 
@@ -162,7 +163,7 @@ def _check_apart(a: Analysis, b: Analysis) -> None:
     if both.is_empty():
         return
     one = both.row(0, named=True)
-    more = f", and {both.height - 1} more are" if both.height > 1 else ""
+    more = f", and {counted(both.height - 1, 'more is', 'more are')}" if both.height > 1 else ""
     raise HrclogError(
         f"run {one['name']!r} ({one['run_id']}) is on both sides, in {one['path']} and {one['other']}{more}; expected "
         "each run on one side, as intervals take the sides for independent; leave it out of one"

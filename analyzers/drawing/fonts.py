@@ -68,17 +68,17 @@ def _plain() -> FT2Font:
 
 def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Return the width of a line in px."""
-    return _measured(text, bold)[0] * size
+    return _measured(text, bold=bold)[0] * size
 
 
 def text_reach(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
     """Return the px that a line takes above and below its middle: half a line's height, or more for tall signs."""
-    _, above, below = _measured(text, bold)
+    _, above, below = _measured(text, bold=bold)
     return max(LINE / 2, above - RISE) * size, max(LINE / 2, below + RISE) * size
 
 
 @lru_cache(maxsize=20_000)
-def _measured(text: str, bold: bool) -> tuple[float, float, float]:  # noqa: FBT001 - the key of a cache
+def _measured(text: str, *, bold: bool) -> tuple[float, float, float]:
     """Return the width of a line and how far it reaches above and below its baseline, in sizes."""
     written = font(_MEASURED, bold=bold, wide=is_wide(text))
     width, height, below = text_to_path.get_text_width_height_descent(text, written, ismath=False)

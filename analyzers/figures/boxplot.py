@@ -11,6 +11,7 @@ import polars as pl
 from hrclog.analyzers.figures.text import shorten
 from hrclog.arrays import FloatArray
 from hrclog.events import Outcome, Role
+from hrclog.wording import counted
 
 MAX_BOXES: Final = 40
 _TOGETHER: Final = 24
@@ -82,7 +83,8 @@ def _plot(agent: str, samples: pl.DataFrame, max_boxes: int) -> BoxPlot:
     boxes = [_box(who, task, np.asarray(seconds)) for who, task, seconds in samples.drop("n").iter_rows()]
     hidden = sum(left_out for _, left_out in boxes)
     if hidden:
-        captions.append(f"{hidden:,} outliers are not drawn: at most {MAX_OUTLIERS} per task, the extreme ones.")
+        which = counted(hidden, "outlier is", "outliers are")
+        captions.append(f"{which} not drawn: at most {MAX_OUTLIERS} per task, the extreme ones.")
     title = "Durations of tasks that succeeded" + (f": {shorten(agent, 40)}" if agent else "")
     return BoxPlot(agent, title, HOW_TO_READ, tuple(box for box, _ in boxes), tuple(captions))
 

@@ -24,6 +24,7 @@ from hrclog.analyzers.figures.synergy_heatmap import synergy_heatmaps
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.analyzers.projections.schemas import METRICS, PLAN_LABELS, SETTLING, SETTLING_DURATIONS
 from hrclog.diagnostic import Diagnostic
+from hrclog.wording import counted
 
 MAX_AGENT_PAIRS: Final = 12
 
@@ -110,7 +111,7 @@ def campaign_figures(
     alone = () if pair_overlaps.height else ("No two agents have tasks to compare: no overlaps, no synergies.",)
     return CampaignFigures(
         campaign_id=_campaign_id(runs),
-        name=f"campaign of {runs.height:,} run{'' if runs.height == 1 else 's'}",
+        name=f"campaign of {counted(runs.height, 'run')}",
         pages=tuple(page for page in pages if page.plots or page.steps),
         matrices=(*synergy, *seconds, *ratio),
         tables=_tables(durations, synergies, runs, diagnostics),

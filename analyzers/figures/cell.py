@@ -18,6 +18,7 @@ from hrclog.arrays import FloatArray, IntArray
 from hrclog.log.channels import topic_name
 from hrclog.log.recorded_scene import RunScene
 from hrclog.scene import Area, Base, Box, Scene, Slot
+from hrclog.wording import counted
 
 MAX_AGENTS: Final = 8
 MAX_SAMPLES: Final = 50_000
@@ -102,7 +103,7 @@ def cell_figure(
     unknown = cell.poses.filter(~pl.col("name").is_in([box.name for box in scene.boxes]))["name"].unique().sort()
     if len(unknown):
         name = shorten(unknown[0], 40)
-        captions.append(f"Poses of {len(unknown)} objects that the scene does not list, the first {name!r}.")
+        captions.append(f"Poses of {counted(len(unknown), 'object')} that the scene does not list, the first {name!r}.")
     low, high = _corners(scene, boxes)
     if machines:
         high[2] = max(high[2], _TALL_M)
@@ -131,7 +132,8 @@ def _machines(
         base = bases.get(agent, Base(agent, (0.0, 0.0, 0.0)))
         found.append(Machine(agent, name, urdf, base, tuple(track for track in tracks if len(track.times_ns))))
     if len(cell.descriptions) > MAX_AGENTS:
-        captions.append(f"{len(cell.descriptions) - MAX_AGENTS} further agents with bodies.")
+        further = len(cell.descriptions) - MAX_AGENTS
+        captions.append(f"{counted(further, 'further agent with a body', 'further agents with bodies')}.")
     return tuple(found), captions
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from hrclog.analyzers.figures.coefficients import Coefficient, Coefficients
 from hrclog.analyzers.figures.curves import log_ticks
 from hrclog.analyzers.figures.palette import Color, Paint
 from hrclog.analyzers.figures.plot import NAMELESS, NARROW, Axis, Dot, Key, Plot, Stroke, Text
+from hrclog.wording import counted
 
 _WIDEST: Final = 5.0
 _WIDEST_LOG: Final = 100.0
@@ -32,21 +33,12 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     Estimates are within the axis. Intervals that reach beyond 100 (beyond 5 on a linear axis, which is taken where a
     factor is not above 0) are clipped, which an arrow says.
     """
-    lows = [row.value if row.low is None else row.low for row in plot.rows]
-    highs = [row.value if row.high is None else row.high for row in plot.rows]
-    values = [row.value for row in plot.rows]
-    log = all(value > 0 for value in values)
-    widest = _WIDEST_LOG if log else _WIDEST
-    least = min([1 / widest, *(0.9 * value for value in values)])
-    furthest = max([widest, *(1.1 * value for value in values)])
-    low, high = max(min([0.8, *lows]), least), min(max([1.2, *highs]), furthest)
-    clipped = sum(least < low or most > high for least, most in zip(lows, highs, strict=True))
-    some = "1 interval reaches" if clipped == 1 else f"{clipped} intervals reach"
-    beyond = (f"{some} beyond the axis; the table has the ends.",) if clipped else ()
+    log = all(row.value > 0 for row in plot.rows)
+    low, high, clipped = _ends(plot.rows, log=log)
     drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
     count = max(len(drawn), 1)
     names = tuple((y, f"{row.name} ({row.n})") for y, row in drawn)
-    one = [Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")] if drawn else []
+    no_effect = [Stroke(((1.0, 0.0), (1.0, count)), "muted", 1.5, "1: no effect")] if drawn else []
     return Plot(
         path=path,
         title=plot.title,
@@ -54,12 +46,31 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
         x=_axis(low, high, log=log),
         y=Axis(count, 0, ticks=names or NAMELESS),
         area=(NARROW, count * _ROW),
-        strokes=(*one, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high), log=log))),
+        strokes=(*no_effect, *(stroke for y, row in drawn for stroke in _strokes(row, y, (low, high), log=log))),
         texts=tuple(arrow for y, row in drawn for arrow in _arrows(row, y, (low, high))),
         dots=tuple(_dot(row, y) for y, row in drawn),
         keys=_KEYS if drawn else (),
-        notes=(*plot.captions, *beyond),
+        notes=(*plot.captions, *_beyond(clipped)),
     )
+
+
+def _ends(rows: Sequence[Coefficient], *, log: bool) -> tuple[float, float, int]:
+    """Return the ends of the axis, and how many intervals reach beyond them."""
+    values = [row.value for row in rows]
+    lows = [row.value if row.low is None else row.low for row in rows]
+    highs = [row.value if row.high is None else row.high for row in rows]
+    widest = _WIDEST_LOG if log else _WIDEST
+    least = min([1 / widest, *(0.9 * value for value in values)])
+    furthest = max([widest, *(1.1 * value for value in values)])
+    low, high = max(min([0.8, *lows]), least), min(max([1.2, *highs]), furthest)
+    return low, high, sum(first < low or last > high for first, last in zip(lows, highs, strict=True))
+
+
+def _beyond(clipped: int) -> tuple[str, ...]:
+    if not clipped:
+        return ()
+    which = counted(clipped, "interval reaches", "intervals reach")
+    return (f"{which} beyond the axis; the table has the ends.",)
 
 
 def _axis(low: float, high: float, *, log: bool) -> Axis:

@@ -11,6 +11,7 @@ import polars as pl
 from hrclog.analyzers.figures.lanes import lane_numbers
 from hrclog.analyzers.figures.palette import FAILED, MUTED, OPEN, PAUSED, Color, blend, task_colors
 from hrclog.analyzers.figures.text import shorten
+from hrclog.wording import counted
 
 MAX_LANES: Final = 48
 LABEL_WIDTH: Final = 40
@@ -98,8 +99,8 @@ def limited(lanes: Sequence[Lane], max_lanes: int = MAX_LANES) -> tuple[tuple[La
     shown = tuple(lanes[:max_lanes])
     instants = sum(bar.start_ns >= bar.end_ns for lane in shown for bar in lane.bars)
     if instants:
-        some = "1 execution without length is" if instants == 1 else f"{instants:,} executions without length are"
-        captions.append(f"{some} listed in the tables, with no bar to see.")
+        which = counted(instants, "execution without length is", "executions without length are")
+        captions.append(f"{which} listed in the tables, with no bar to see.")
     return shown, tuple(captions)
 
 

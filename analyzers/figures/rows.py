@@ -15,6 +15,7 @@ from hrclog.analyzers.figures.series import BEYOND
 from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.projections.mean_interval import mean_interval
 from hrclog.arrays import FloatArray, IntArray
+from hrclog.wording import counted
 
 MAX_DOTS: Final = 500
 """Dots of a row."""
@@ -84,34 +85,44 @@ def rows_plot(
         notes: what else is not drawn.
     """
     known = [row for row in map(_known, rows) if row.values]
-    left_out = sum(len(row.values) for row in rows) - sum(len(row.values) for row in known)
     drawn = [_placed(top, row) for top, row in enumerate(known[:MAX_ROWS])]
-    low, high = _span(drawn, zero=zero) if drawn else (0.0, 1.0)
-    ends = [(one.low, one.high) for one in drawn if one.low is not None and one.high is not None]
-    beyond = sum(least < low or most > high for least, most in ends)
-    thinned = sum(len(one.values) > MAX_DOTS for one in drawn)
-    strokes = [stroke for one in drawn for stroke in _strokes(one, (low, high), unit, boxes=boxes)]
-    if zero and low < 0:
-        strokes.insert(0, Stroke(((0.0, 0.0), (0.0, len(drawn))), "muted", 1.0, "0"))
-    said = (
-        f"{len(known) - MAX_ROWS} further rows are not drawn." if len(known) > MAX_ROWS else "",
-        f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all." if thinned else "",
-        f"Intervals that reach beyond the axis: {beyond}." if beyond else "",
-        f"Values beyond 1e12 that are left out, of the means too: {left_out}." if left_out else "",
-    )
+    axis = _span(drawn, zero=zero) if drawn else (0.0, 1.0)
     return Plot(
         path=path,
         title=title,
         reading=reading,
-        x=Axis(low, high, label, grid=True),
+        x=Axis(*axis, label, grid=True),
         y=Axis(max(len(drawn), 1), 0, ticks=tuple((one.top + 0.5, _name(one)) for one in drawn) or NAMELESS),
         area=(WIDE, max(len(drawn), 1) * (_ROW if len(drawn) <= _MANY else _DENSE_ROW)),
         rects=tuple(_box(one, unit) for one in drawn if boxes and len(one.values) > 1),
-        strokes=tuple(strokes),
+        strokes=(*_line_at_zero(axis, len(drawn), zero=zero), *_all_strokes(drawn, axis, unit, boxes=boxes)),
         dots=tuple(dot for one in drawn for dot in _dots(one, unit)),
         keys=_keys(boxes=boxes),
-        notes=(*notes, *(text for text in said if text)),
+        notes=(*notes, *(text for text in _not_drawn(rows, known, drawn, axis) if text)),
     )
+
+
+def _line_at_zero(axis: tuple[float, float], rows: int, *, zero: bool) -> tuple[Stroke, ...]:
+    return (Stroke(((0.0, 0.0), (0.0, rows)), "muted", 1.0, "0"),) if zero and axis[0] < 0 else ()
+
+
+def _all_strokes(drawn: Sequence[_Drawn], axis: tuple[float, float], unit: str, *, boxes: bool) -> tuple[Stroke, ...]:
+    return tuple(stroke for one in drawn for stroke in _strokes(one, axis, unit, boxes=boxes))
+
+
+def _not_drawn(
+    rows: Sequence[Row], known: Sequence[Row], drawn: Sequence[_Drawn], axis: tuple[float, float]
+) -> Iterator[str]:
+    """Yield what the plot leaves out, "" where it leaves out nothing of a kind."""
+    left_out = sum(len(row.values) for row in rows) - sum(len(row.values) for row in known)
+    ends = [(one.low, one.high) for one in drawn if one.low is not None and one.high is not None]
+    beyond = sum(low < axis[0] or high > axis[1] for low, high in ends)
+    thinned = any(len(one.values) > MAX_DOTS for one in drawn)
+    further = len(known) - MAX_ROWS
+    yield f"{counted(further, 'further row is', 'further rows are')} not drawn." if further > 0 else ""
+    yield f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all." if thinned else ""
+    yield f"Intervals that reach beyond the axis: {beyond}." if beyond else ""
+    yield f"Values beyond 1e12 that are left out, of the means too: {left_out}." if left_out else ""
 
 
 def span(values: FloatArray, ends: Sequence[float]) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from hrclog.analyzers.figures.thinning import extremes, worth_drawing
 from hrclog.analyzers.projections.busy import BusyTime
 from hrclog.analyzers.projections.metrics import MINIMUM_DISTANCE
 from hrclog.arrays import FloatArray, IntArray
+from hrclog.wording import agree, counted
 
 MAX_SERIES: Final = 24
 MAX_SAMPLES: Final = 50_000
@@ -75,7 +76,7 @@ def overlaps_so_far(
     pairs = list(combinations(sorted(busy), 2))
     found = [_overlap_so_far(busy, one, other, origin_ns) for one, other in pairs[:max_series]]
     rest = len(pairs) - len(found)
-    return found, [f"The overlap of {rest} further pairs of agents is not drawn."] if rest else []
+    return found, [f"The overlap of {counted(rest, 'further pair')} of agents is not drawn."] if rest else []
 
 
 def signal_series(
@@ -111,8 +112,8 @@ def notes(series: Iterable[Series]) -> tuple[str, ...]:
     said = [note for one in found for note in one.notes]
     thinned = sum(one.thinned for one in found)
     if thinned:
-        many = "signals are thinned to their" if thinned > 1 else "signal is thinned to its"
-        said.append(f"{thinned} {many} lowest and highest values.")
+        which = counted(thinned, "signal is thinned to its", "signals are thinned to their")
+        said.append(f"{which} lowest and highest values.")
     return tuple(said)
 
 
@@ -189,9 +190,8 @@ def _signal(own: pl.DataFrame, name: str, place: _Place, origin_ns: int, max_sam
 
 
 def _beyond(name: str, count: int) -> tuple[str, ...]:
-    what = "1 sample" if count == 1 else f"{count:,} samples"
-    verb = "is" if count == 1 else "are"
-    return (f"{what} of {shorten(name, 60)} beyond 1e12 {verb} not drawn.",) if count else ()
+    which = f"{counted(count, 'sample')} of {shorten(name, 60)} beyond 1e12"
+    return (f"{which} {agree(count, 'is', 'are')} not drawn.",) if count else ()
 
 
 def _overlap_so_far(busy: dict[str, BusyTime], one: str, other: str, origin_ns: int) -> Series:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import polars as pl
 
@@ -18,6 +18,7 @@ from hrclog.analyzers.figures.synergy_heatmap import agent_names, synergy_heatma
 from hrclog.analyzers.figures.text import shorten_apart
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.pairs import OK
+from hrclog.wording import counted
 
 HOW_TO_READ_CURVES: Final = (
     "Each line is a factor on the duration of the first task while the other agent does the second, as the first runs "
@@ -71,7 +72,7 @@ def settling_heatmaps(settling: pl.DataFrame, *, note: str = "") -> list[Steps]:
     for number in numbers:
         cells = settling.filter(pl.col("runs") == number).drop("overlap_s").join(overlap, on=PAIR).sort(PAIR)
         for heatmap in synergy_heatmaps(cells):
-            title = f"{heatmap.title}, after {number:,} of {numbers[-1]:,} runs"
+            title = f"{heatmap.title}, after {number:,} of {counted(numbers[-1], 'run')}"
             agents = heatmap.agents
             shown = replace(heatmap, title=title, captions=captions[agents], common_limit=limits[agents])
             plots.setdefault(agents, []).append(heatmap_plot(shown, ("settling", "synergy", *agents)))
@@ -188,10 +189,12 @@ def _knots(rows: pl.DataFrame, of: dict[str, str], columns: tuple[str, str, str,
     return tuple(_knot(name, unit, *row) for row in own.iter_rows())
 
 
-def _knot(name: str, unit: str, runs: int, *numbers: Any) -> Knot | None:  # noqa: ANN401 - float, int or None
-    value, low, high, n = numbers
+def _knot(
+    name: str, unit: str, runs: int, value: float | None, low: float | None, high: float | None, n: int
+) -> Knot | None:
     # a regression may say what no logarithm has
     if value is None or not (math.isfinite(value) and value > 0):
         return None
     interval = f" (95 % {low:,.3f} to {high:,.3f})" if low is not None and high is not None else ""
-    return Knot(runs, value, low, high, f"{name}, after {runs:,} runs: {value:,.3f}{unit}{interval}, n = {n:,}")
+    label = f"{name}, after {counted(runs, 'run')}: {value:,.3f}{unit}{interval}, n = {n:,}"
+    return Knot(runs, value, low, high, label)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 from xml.etree import ElementTree as ET
 
+from hrclog.wording import counted
+
 MAX_LINKS: Final = 300
 
 _MOVING: Final = ("revolute", "continuous", "prismatic")
@@ -76,7 +78,7 @@ def _root(links: list[ET.Element], joints: list[ET.Element]) -> str:
         parents[child] = parent
     roots = [name for name in names if name not in parents]
     if len(roots) != 1 or not all(_reaches(name, roots[0], parents) for name in names):
-        raise ValueError(f"its links are no tree: {len(roots)} of them have no parent")
+        raise ValueError(f"its links are no tree: {counted(len(roots), 'of them has', 'of them have')} no parent")
     return roots[0]
 
 

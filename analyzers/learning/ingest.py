@@ -27,6 +27,7 @@ from hrclog.log.decode import frame_of_rows
 from hrclog.log.message import EVENTS
 from hrclog.log.reader import Logs, read_logs
 from hrclog.plugins import PluginError
+from hrclog.wording import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +131,10 @@ def rebuild(
     records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting(logs))))
     lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
     if lost and loses_data(logs.diagnostics):
+        which = counted(len(lost), "of its runs is", "of its runs are")
         raise KnowledgeError(
             kb.where,
-            f"{len(lost)} of its runs are not in these logs, of which not all could be read; nothing was changed",
+            f"{which} not in these logs, of which not all could be read; nothing was changed",
             "hrclog check tells what is wrong with them, leave out those that are beyond repair",
         )
     rebuild_from(kb, records, _method(kb, estimator, outliers))

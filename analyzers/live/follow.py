@@ -22,6 +22,7 @@ from hrclog.errors import LogReadError
 from hrclog.log.files import exists
 from hrclog.log.reader import Logs, read_log
 from hrclog.log.watch import Listing, Stamp, finished_log, list_folder
+from hrclog.wording import counted
 
 EVERY_S: Final = 0.5
 DRAWN_RUNS: Final = 3
@@ -116,8 +117,9 @@ class _Live:
             journal.look(draw=False)
         stale = sum(not journal.is_alive for journal in self._journals.values())
         if stale:
-            what = "1 unfinished log has no recorder" if stale == 1 else f"{stale} unfinished logs have no recorder"
-            self._tell(f"{what} any more, and no part in the statistics: hrclog recover {self._folder} closes them")
+            which = counted(stale, "unfinished log has", "unfinished logs have")
+            remedy = f"hrclog recover {self._folder} closes them"
+            self._tell(f"{which} no recorder any more, and no part in the statistics: {remedy}")
         return True
 
     def look(self) -> bool:
@@ -203,8 +205,8 @@ class _Live:
         """Draw the latest of some runs, and say how many others there are."""
         n_others = max(starts.height - DRAWN_RUNS, 0)
         if n_others:
-            what = f"1 {which} run is" if n_others == 1 else f"{n_others} {which} runs are"
-            self._tell(f"{what} in the statistics, not drawn: hrclog view FILE shows one")
+            others = counted(n_others, f"{which} run is", f"{which} runs are")
+            self._tell(f"{others} in the statistics, not drawn: hrclog view FILE shows one")
         for run_id, path in starts.tail(DRAWN_RUNS).select("run_id", "path").iter_rows():
             logs = read_log(Path(path), signals=True)
             events = self._ended.events_of(run_id)

@@ -13,6 +13,7 @@ import polars as pl
 from hrclog.analyzers.prediction.settings import Predictions
 from hrclog.arrays import FloatArray
 from hrclog.errors import HrclogError
+from hrclog.wording import counted
 
 _DRAWS: Final = 2000
 _SEED: Final = 0
@@ -69,8 +70,8 @@ def score(predictions: Predictions) -> Score:
     """
     if predictions.executions.is_empty():
         raise HrclogError(
-            f"none of {predictions.n_executions} successful executions could be predicted; expected some of a task that"
-            " succeeded in other runs: give more runs to learn from"
+            f"none of {counted(predictions.n_executions, 'successful execution')} could be predicted; expected some of "
+            "a task that succeeded in other runs: give more runs to learn from"
         )
     rows = predictions.executions.with_columns(
         pl.col("observed_s").is_between("low_s", "high_s").alias("covered"),
@@ -122,7 +123,7 @@ def _mean(values: pl.Series) -> float:
 def _per_run(rows: pl.DataFrame, runs: list[str]) -> dict[str, FloatArray]:
     """Return per estimator and run: sum of CRPS, number covered, number of executions; shape (runs, 3)."""
     index = pl.DataFrame({"run_id": runs}, schema={"run_id": pl.String})
-    sums = rows.group_by("estimator", "run_id").agg(pl.col("crps_s").sum(), pl.col("covered").sum(), pl.len())
+    sums = rows.group_by("estimator", "run_id").agg(pl.col("crps_s").sort().sum(), pl.col("covered").sum(), pl.len())
     return {
         str(name): index.join(part, on="run_id", how="left", maintain_order="left")
         .select("crps_s", "covered", "len")

@@ -31,6 +31,7 @@ from hrclog.analyzers.synergy.log_work import SampledLogWork, widened
 from hrclog.analyzers.synergy.observations import Observations, observe
 from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.errors import HrclogError
+from hrclog.wording import counted
 
 Setting = Literal["cv", "static", "prequential"]
 OnStep = Callable[[], None]
@@ -95,8 +96,8 @@ def cross_validate(
     runs = intervals["run_id"].unique().to_list()
     if min(count, len(runs)) < 2:
         raise HrclogError(
-            f"cross-validation by run: found {len(runs)} runs and {count} folds, expected at least 2 of either;"
-            " give more runs, or predict some from others with --train and --test"
+            f"cross-validation by run: found {counted(len(runs), 'run')} and {counted(count, 'fold')}, expected at "
+            "least 2 of either; give more runs, or predict some from others with --train and --test"
         )
     observations, held_out = observe(intervals), HeldOut(intervals)
     parts = folds(runs, count, seed)
@@ -293,6 +294,6 @@ def _check_apart(train: pl.DataFrame, test: pl.DataFrame) -> None:
     both = sorted(set(train["run_id"].unique()) & set(test["run_id"].unique()))
     if both:
         raise HrclogError(
-            f"{len(both)} runs are among both the training and the test runs, the first is {both[0]!r}; expected"
-            " different ones, for what was learnt from predicts itself too well"
+            f"{counted(len(both), 'run is', 'runs are')} among both the training and the test runs, the first is "
+            f"{both[0]!r}; expected different ones, for what was learnt from predicts itself too well"
         )

@@ -7,6 +7,7 @@ from typing import Final
 
 import polars as pl
 
+from hrclog import wording
 from hrclog.analyzers.projections.intervals import counted
 from hrclog.analyzers.projections.overlaps import MOST_PAIRS, pair_count, task_counts
 from hrclog.diagnostic import Diagnostic
@@ -87,7 +88,11 @@ def _zero_durations(intervals: pl.DataFrame) -> list[Diagnostic]:
     )
     return [
         Diagnostic(
-            "zero_duration", f"{count} executions of {agent!r}, {task!r} ended in the instant of their start", path, run
+            "zero_duration",
+            f"{wording.counted(count, 'execution')} of {agent!r}, {task!r} ended in the instant of "
+            f"{wording.agree(count, 'its', 'their')} start",
+            path,
+            run,
         )
         for path, run, agent, task, count in rows.iter_rows()
     ]

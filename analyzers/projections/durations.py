@@ -33,7 +33,7 @@ def durations(intervals: pl.DataFrame) -> pl.DataFrame:
         A frame of schema `DURATIONS`, sorted by (agent, task).
 
     Raises:
-        FrameError: the argument is no frame of intervals.
+        HrclogError: `intervals` is no intervals frame.
     """
     check_frame(intervals, INTERVALS_FRAME)
     outcome = pl.col("outcome")

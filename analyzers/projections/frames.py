@@ -1,114 +1,100 @@
-"""Check the frames that users hand to the projections, so that a wrong one ends in a sentence and no traceback."""
+"""Which frame a public function expects, and what to say when it is given something else."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import PurePath
 from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.schemas import DURATIONS, INTERVALS, METRICS, OVERLAPS, RUNS, SIGNALS, SYNERGIES
-from hrclog.errors import FrameError
+from hrclog.analyzers.projections import schemas
+from hrclog.errors import HrclogError
 from hrclog.log.message import EVENTS
+from hrclog.wording import counted
+
+_MOST_NAMED: Final = 4
+"""Columns that a message names."""
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
-    """A kind of frame: what it is called, its columns and where they are defined, and the call that makes one."""
+class FrameKind:
+    """A kind of frame: what it holds, its columns, and the Python that makes one."""
 
     name: str
     schema: pl.Schema
-    defined_as: str
     made_by: str
 
 
-_SCHEMAS: Final = "hrclog.analyzers.projections.schemas"
+EVENTS_FRAME: Final = FrameKind("events", EVENTS, "hrclog.read_events(LOGS)")
+INTERVALS_FRAME: Final = FrameKind("intervals", schemas.INTERVALS, "hrclog.intervals(hrclog.read_events(LOGS))")
+SIGNALS_FRAME: Final = FrameKind("signals", schemas.SIGNALS, "hrclog.read_logs(LOGS, signals=True).signals")
 
-EVENTS_FRAME: Final = Kind("events", EVENTS, "hrclog.log.message.EVENTS", "hrclog.read_events(paths)")
-INTERVALS_FRAME: Final = Kind("intervals", INTERVALS, f"{_SCHEMAS}.INTERVALS", "hrclog.intervals(events)")
-SIGNALS_FRAME: Final = Kind("signals", SIGNALS, f"{_SCHEMAS}.SIGNALS", "hrclog.read_logs(paths, signals=True).signals")
-
-_KNOWN: Final[Mapping[str, pl.Schema]] = {
+_KNOWN: Final = {
     "events": EVENTS,
-    "intervals": INTERVALS,
-    "signals": SIGNALS,
-    "overlaps": OVERLAPS,
-    "durations": DURATIONS,
-    "synergies": SYNERGIES,
-    "metrics": METRICS,
-    "runs": RUNS,
-}
-"""The frames that a user may have at hand, to call a mistaken one by its name."""
-
-_CONVERSIONS: Final[Mapping[str, str]] = {
-    "pandas": "polars.from_pandas(frame) makes a polars frame of it",
-    "pyarrow": "polars.from_arrow(table) makes a polars frame of it",
+    "intervals": schemas.INTERVALS,
+    "overlaps": schemas.OVERLAPS,
+    "durations": schemas.DURATIONS,
+    "synergies": schemas.SYNERGIES,
+    "runs": schemas.RUNS,
+    "metrics": schemas.METRICS,
+    "signals": schemas.SIGNALS,
 }
 
 
-def check_frame(frame: object, kind: Kind) -> None:
-    """Make sure that a value is a frame of a kind; further columns and any order of columns are fine.
-
-    Args:
-        frame: what a user handed over.
-        kind: what it should be.
+def check_frame(frame: object, kind: FrameKind) -> None:
+    """Refuse what is no frame of a kind; further columns are allowed, and rows are not looked at.
 
     Raises:
-        FrameError: it is no polars frame, or columns are missing or of a wrong type.
+        HrclogError: says what was found, what was expected, and what makes such a frame.
     """
     if not isinstance(frame, pl.DataFrame):
-        remedy = _conversion(frame, kind.name) or f"{kind.made_by} makes one"
-        raise FrameError(_described(frame), _expected(kind), remedy)
+        raise _error(kind, _called(frame))
     schema = frame.schema
-    if schema == kind.schema:
-        return
-    if faults := [*_missing(schema, kind.schema), *_wrong_types(schema, kind.schema)]:
-        raise FrameError(f"{_called(schema)}, {'; '.join(faults)}", _expected(kind), f"{kind.made_by} makes one")
+    if any(schema.get(name) != dtype for name, dtype in kind.schema.items()):
+        raise _error(kind, f"{_guessed(schema)} {' and '.join(_differences(schema, kind.schema))}")
 
 
-def _expected(kind: Kind) -> str:
-    return f"a polars frame of {kind.name} (schema {kind.defined_as})"
+def _error(kind: FrameKind, found: str) -> HrclogError:
+    expected = f"a polars DataFrame with the columns of {kind.name} (docs/tables.md)"
+    return HrclogError(f"{kind.name}: found {found}, expected {expected}; {kind.made_by} makes one")
 
 
-def _described(value: object) -> str:
+def _called(value: object) -> str:
+    """Return what somebody would call a value that is no DataFrame of polars, and how to make one of it."""
     if value is None:
         return "None"
-    if isinstance(value, str | Path):
+    if isinstance(value, str | PurePath):
         return f"the path {str(value)!r}"
-    package = _package(value)
-    return f"a {'' if package == 'builtins' else f'{package} '}{type(value).__qualname__}"
-
-
-def _conversion(value: object, kind: str) -> str:
-    """Return how to get a polars frame from a value, "" where that is not known."""
     if isinstance(value, pl.LazyFrame):
-        return "its collect() makes one"
-    if isinstance(getattr(value, kind, None), pl.DataFrame):  # logs have events, analyses have intervals too
-        return f"its .{kind} is one"
-    return _CONVERSIONS.get(_package(value), "")
+        return "a LazyFrame (its collect() makes a DataFrame)"
+    package = type(value).__module__.partition(".")[0]
+    if package == "pandas":
+        return f"a pandas {type(value).__name__} (polars.from_pandas makes a DataFrame)"
+    return f"a value of type {type(value).__name__}"
 
 
-def _package(value: object) -> str:
-    return type(value).__module__.partition(".")[0]
+def _guessed(schema: pl.Schema) -> str:
+    """Return what a frame seems to hold."""
+    kinds = [name for name, known in _KNOWN.items() if known.keys() <= schema.keys()]
+    return f"a frame of {kinds[0]}" if kinds else "a frame"
 
 
-def _called(schema: pl.Schema) -> str:
-    """Return what a polars frame is called: the kind of which it has all columns, or just a frame."""
-    names = [name for name, known in _KNOWN.items() if known.keys() <= schema.keys()]
-    return f"a frame of {names[0]}" if names else "a polars frame"
-
-
-def _missing(schema: pl.Schema, expected: pl.Schema) -> list[str]:
-    names = [name for name in expected if name not in schema]
-    return [f"without the columns {', '.join(names)}"] if names else []
-
-
-def _wrong_types(schema: pl.Schema, expected: pl.Schema) -> list[str]:
+def _differences(schema: pl.Schema, expected: pl.Schema) -> Iterator[str]:
+    missing = [name for name in expected if name not in schema]
+    if missing:
+        yield f"without {_listed(missing)}"
     wrong = [
-        f"{name} ({schema[name]}, not {kind})"
-        for name, kind in expected.items()
-        if name in schema and schema[name] != kind
+        f"{name} as {schema[name]} instead of {dtype}"
+        for name, dtype in expected.items()
+        if name in schema and schema[name] != dtype
     ]
-    return [f"with columns of a wrong type: {', '.join(wrong)}"] if wrong else []
+    if wrong:
+        yield f"with {_listed(wrong)}"
+
+
+def _listed(names: list[str]) -> str:
+    rest = len(names) - _MOST_NAMED
+    more = f" and {counted(rest, 'more column')}" if rest > 0 else ""
+    return ", ".join(names[:_MOST_NAMED]) + more

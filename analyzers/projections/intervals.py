@@ -49,7 +49,7 @@ def intervals(events: pl.DataFrame) -> pl.DataFrame:
         A frame of schema `INTERVALS`.
 
     Raises:
-        FrameError: the argument is no frame of events.
+        HrclogError: `events` is no events frame.
     """
     check_frame(events, EVENTS_FRAME)
     return rebuild(events)[0]

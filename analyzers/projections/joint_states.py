@@ -21,8 +21,6 @@ AgentTask = tuple[str, str]
 State = tuple[AgentTask, ...]
 """What the other agents are doing, sorted; twice the same where an agent overlaps itself."""
 
-IDLE: Final[State] = ()
-
 _BLOCK_SPAN_NS: Final = 2.0**62  # runs put after each other on one axis must stay within int64
 
 

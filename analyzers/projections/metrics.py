@@ -47,7 +47,7 @@ def metrics(
         `mean_speed_scale` plain.
 
     Raises:
-        FrameError: an argument is no frame of its kind.
+        HrclogError: a frame is not of its schema.
     """
     check_frame(intervals, INTERVALS_FRAME)
     if events is not None:

@@ -41,7 +41,7 @@ def overlaps(intervals: pl.DataFrame) -> pl.DataFrame:
         A frame of schema `OVERLAPS`, symmetric: (k, c) is there with (c, k).
 
     Raises:
-        FrameError: the argument is no frame of intervals.
+        HrclogError: `intervals` is no intervals frame.
     """
     check_frame(intervals, INTERVALS_FRAME)
     rows = intervals.filter(counted()).sort(SORT)

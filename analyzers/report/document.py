@@ -21,6 +21,7 @@ from hrclog.analyzers.report.methods import Remark, definitions, provenance, rem
 from hrclog.analyzers.report.sample import Chosen, choose_runs, sample_sentence
 from hrclog.analyzers.report.tables import PageTable, page_table
 from hrclog.errors import HrclogError
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
@@ -107,7 +108,7 @@ def report(analysis: Analysis, *, runs: int = DEFAULT_RUNS, title: str = "", com
     sections = tuple(_section(f"page-{place}", page, numbers) for place, page in enumerate(figures.pages, 1))
     chosen = choose_runs(analysis.runs, runs)
     return Report(
-        title=printable(title) if title.strip() else f"Report on {_counted(analysis.runs.height, 'run')}",
+        title=printable(title) if title.strip() else f"Report on {counted(analysis.runs.height, 'run')}",
         summary=_summary(analysis),
         findings=findings(analysis),
         not_drawn=figures.captions,
@@ -134,7 +135,7 @@ def _check_arguments(runs: object, title: object) -> None:
 
 def _check_executions(analysis: Analysis) -> None:
     if analysis.intervals.is_empty():
-        runs = _counted(analysis.runs.height, "run")
+        runs = counted(analysis.runs.height, "run")
         raise HrclogError(
             f"no agent did anything in {runs}, expected executions to report on; `hrclog info` says what the logs hold"
         )
@@ -177,8 +178,8 @@ def _summary(analysis: Analysis) -> str:
     agents = sorted(analysis.intervals["agent"].unique().to_list())
     names = ", ".join(printable(agent) for agent in agents)
     days = _days(analysis.runs["start_ns"].drop_nulls().to_list())
-    counted = f"{_counted(analysis.runs.height, 'run')} of {_counted(len(agents), 'agent')} ({names})"
-    return f"{counted}{days}, {_counted(analysis.intervals.height, 'execution')}."
+    runs = f"{counted(analysis.runs.height, 'run')} of {counted(len(agents), 'agent')} ({names})"
+    return f"{runs}{days}, {counted(analysis.intervals.height, 'execution')}."
 
 
 def _days(starts_ns: Iterable[int]) -> str:
@@ -190,7 +191,3 @@ def _days(starts_ns: Iterable[int]) -> str:
 
 def _day(time_ns: int) -> str:
     return (_EPOCH + timedelta(seconds=time_ns // 10**9)).date().isoformat()
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"

@@ -8,9 +8,10 @@ from typing import Any, Final
 import polars as pl
 
 from hrclog.analyzers.report.chance import holm, p_value
-from hrclog.analyzers.report.finding import Finding, counted, task_name
+from hrclog.analyzers.report.finding import Finding, task_name
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.pairs import OK, WEAKLY_IDENTIFIED
+from hrclog.wording import counted
 
 MOST_EFFECTS: Final = 5
 """Slow-downs, and speed-ups, that are listed."""
@@ -106,8 +107,8 @@ def _by_chance(comparisons: int, remains: pl.Series) -> Iterable[Finding]:
     """Say how many effects remain if it is allowed for how many were looked for."""
     if comparisons == 1:
         return
-    shown = f"{len(remains):,} show{'s' if len(remains) == 1 else ''} a slow-down or a speed-up"
-    left = f"{remains.sum():,} remain{'s' if remains.sum() == 1 else ''}"
+    shown = f"{counted(len(remains), 'shows', 'show')} a slow-down or a speed-up"
+    left = counted(int(remains.sum()), "remains", "remain")
     text = (
         f"Of {comparisons:,} intervals of 95 %, {shown}; after allowing for {comparisons:,} comparisons (Holm), {left}."
     )
@@ -129,13 +130,13 @@ def _nothing_certain(synergies: pl.DataFrame, known: int, unsaid: int) -> Findin
 
 def _below_the_mean(number: int) -> Iterable[Finding]:
     if number:
-        lie = "1 factor relative to the mean lies" if number == 1 else f"{number:,} factors relative to the mean lie"
+        lie = counted(number, "factor relative to the mean lies", "factors relative to the mean lie")
         why = "which undisturbed pairs do too when others slow the task down"
         yield Finding(f"{lie} below 1, {why}; undisturbed work was not seen enough to tell.", (), "doubt")
 
 
 def _impossible(number: int) -> Iterable[Finding]:
     if number:
-        they = "1 factor is at or below 0" if number == 1 else f"{number:,} factors are at or below 0"
-        text = f"{they}, which no duration can be: the data do not support a factor there, so nothing is said of it."
-        yield Finding(text, (), "doubt")
+        they = counted(number, "factor is", "factors are")
+        why = "the data do not support a factor there, so nothing is said of it"
+        yield Finding(f"{they} at or below 0, which no duration can be: {why}.", (), "doubt")

@@ -20,8 +20,3 @@ class Finding:
 def task_name(agent: str, task: str) -> str:
     """Return how a task is spoken of."""
     return f"{printable(agent)}: {printable(task)}"
-
-
-def counted(number: int, what: str) -> str:
-    """Return a number of things in words."""
-    return f"{number:,} {what}{'' if number == 1 else 's'}"

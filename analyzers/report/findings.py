@@ -12,9 +12,10 @@ from hrclog.analyzers.figures.makespans import NOT_SAID, complete_runs
 from hrclog.analyzers.figures.text import printable
 from hrclog.analyzers.projections.plan_labels import plan_labels
 from hrclog.analyzers.report.effects import effects
-from hrclog.analyzers.report.finding import Finding, counted, task_name
+from hrclog.analyzers.report.finding import Finding, task_name
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
 from hrclog.diagnostic import Diagnostic
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
@@ -110,7 +111,11 @@ def _failures(durations: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> Ite
         for row in worst.head(MOST_FAILING).iter_rows(named=True)
     )
     further = worst.height - len(details)
-    more = (f"{further:,} more tasks have failures, see the table of durations.",) if further else ()
+    more = (
+        (f"{counted(further, 'more task has', 'more tasks have')} failures, see the table of durations.",)
+        if further
+        else ()
+    )
     text = f"Of {counted(total, 'execution')} of main tasks {', '.join(bad)}"
     yield Finding(f"{text}{'; success least often:' if details else '.'}", (*details, *more))
 

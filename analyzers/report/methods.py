@@ -17,6 +17,7 @@ from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.diagnostic import CODES, Severity
 from hrclog.knowledge.records import in_order, versions
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
@@ -67,7 +68,7 @@ def definitions(analysis: Analysis) -> tuple[tuple[str, str], ...]:
 
 
 def _intervals(draws: int) -> str:
-    source = f"{draws:,} draws of whole runs with repetition" if draws else "the estimator's own errors"
+    source = f"{counted(draws, 'draw')} of whole runs with repetition" if draws else "the estimator's own errors"
     chance = "Of intervals about no effect, one in twenty excludes 1 by chance."
     meant = f"They are to hold the true factor 95 % of the time, and come from {source}."
     return f"{meant} {chance} {_HOLM} Those of success rates are Wilson's."
@@ -85,7 +86,7 @@ def _success(estimator: str) -> str:
 def provenance(analysis: Analysis, command: str) -> tuple[tuple[str, str], ...]:
     """Return (name, value) of what the report was made from and with."""
     digest = events_digest(analysis.events)
-    events = f"{analysis.events.height:,} events, SHA-256 {digest}"
+    events = f"{counted(analysis.events.height, 'event')}, SHA-256 {digest}"
     packages = ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in _PACKAGES)])
     made = (("Command", printable(command)),) if command else ()
     return (*made, ("Events", events), ("hrclog", __version__), ("Made with", packages))

@@ -8,6 +8,8 @@
   const harmless = (text) => (/^[=+\-@\t\r]/.test(text) ? `'${text}` : text);
   const fieldOf = (cell) => (cell.classList.contains("num") ? valueOf(cell) : harmless(valueOf(cell)));
 
+  const rowsOf = (number) => (number === 1 ? "1 row" : `${number} rows`);
+
   function compare(column, numeric, sign) {
     return (one, other) => {
       const a = valueOf(one.cells[column]), b = valueOf(other.cells[column]);
@@ -58,7 +60,7 @@
     const show = () => {
       const found = matching();
       body.replaceChildren(...found.slice(0, shown));
-      say(found.length === all.length ? "" : `${found.length} of ${all.length} rows`);
+      say(found.length === all.length ? "" : `${found.length} of ${rowsOf(all.length)}`);
     };
 
     heads.forEach((head, column) => {
@@ -80,7 +82,7 @@
       const plain = (text) => text.replace(/[\t\r\n]+/g, " ");
       const text = lines(plain, "\t");
       copy(text.join("\n")).then(
-        () => say(`${text.length - 1} rows copied`),
+        () => say(`${rowsOf(text.length - 1)} copied`),
         () => say("This browser does not let the page copy"),
       );
     });

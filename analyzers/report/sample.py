@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import polars as pl
 
+from hrclog.wording import agree
+
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
@@ -46,12 +48,14 @@ def sample_sentence(chosen: tuple[Chosen, ...], total: int) -> str:
     """Return how many runs of how many are shown, and which."""
     if not total:
         return "There are no runs to show."
+    if total == 1:
+        return "The only run is shown." if chosen else "The only run is not shown on its own; --runs 1 shows it."
     if len(chosen) == total:
-        return "The only run is shown." if total == 1 else f"All {total:,} runs are shown, shortest first."
+        return f"All {total:,} runs are shown, shortest first."
     if not chosen:
         return f"None of {total:,} runs is shown on its own; --runs N shows N of them."
     reasons = "; ".join(run.why for run in chosen)
-    verb = "is" if len(chosen) == 1 else "are"
+    verb = agree(len(chosen), "is", "are")
     return (
         f"{len(chosen):,} of {total:,} runs {verb} shown, shortest first: {reasons}. "
         "They stand at evenly spaced quantiles of the makespan, and the run with most failures, if any failed, is "

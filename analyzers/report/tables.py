@@ -74,7 +74,7 @@ def page_table(table: DataTable, anchor: str) -> PageTable:
     known = _known(frame)
     kept = frame.filter(known).vstack(frame.filter(~known)).head(_kept(frame.height, int(known.sum())))
     columns = tuple(Column(name, dtype.is_numeric()) for name, dtype in frame.schema.items())
-    cells = list(zip(*(_cells(kept[column.name], column.numeric) for column in columns), strict=True))
+    cells = list(zip(*(_cells(kept[column.name], is_number=column.numeric) for column in columns), strict=True))
     return PageTable(
         anchor=anchor,
         title=table.title,
@@ -113,9 +113,9 @@ def _notes(height: int, known: int) -> tuple[str, ...]:
     return ()
 
 
-def _cells(values: pl.Series, is_number: bool) -> list[Cell]:  # noqa: FBT001 - the kind of the column
+def _cells(values: pl.Series, *, is_number: bool) -> list[Cell]:
     spoken = _spoken(values) if values.dtype.is_float() else number
-    return [_cell(value, is_number, spoken) for value in values]
+    return [_cell(value, spoken, is_number=is_number) for value in values]
 
 
 def _spoken(values: pl.Series) -> Callable[[float], str]:
@@ -125,7 +125,7 @@ def _spoken(values: pl.Series) -> Callable[[float], str]:
     return (lambda value: f"{value:,.3f}") if alike else number
 
 
-def _cell(value: object, is_number: bool, spoken: Callable[[float], str]) -> Cell:  # noqa: FBT001 - as above
+def _cell(value: object, spoken: Callable[[float], str], *, is_number: bool) -> Cell:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return Cell(_NOTHING if is_number else "", "" if is_number else None)
     if isinstance(value, float):

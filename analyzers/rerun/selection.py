@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from hrclog.errors import LogReadError
+from hrclog.wording import agree, counted
 
 if TYPE_CHECKING:
     import polars as pl
@@ -111,10 +112,12 @@ def matches(name: str, patterns: Sequence[str]) -> bool:
 def _left_out(runs: Sequence[Path], most: int, names: Sequence[str]) -> str:
     """Return what is not opened, or was never drawn."""
     rest = runs[most:]
-    drawn = f"{len(runs):,} recordings of the {len(names):,} runs" if len(names) > len(runs) else f"{len(runs):,} runs"
+    partly = len(names) > len(runs)
     if not rest:
+        have = agree(len(runs), "has a recording", "have recordings")
         more = "hrclog analyze --recordings all draws each"
-        return f"{len(runs):,} of {len(names):,} runs have recordings; {more}" if len(names) > len(runs) else ""
+        return f"{len(runs):,} of {len(names):,} runs {have}; {more}" if partly else ""
+    drawn = f"{counted(len(runs), 'recording')} of the {len(names):,} runs" if partly else counted(len(runs), "run")
     which = rest[0].stem if len(rest) == 1 else f"{rest[0].stem} .. {rest[-1].stem}"
     return f"opening {most} of {drawn}; left out: {len(rest):,}, {which}; --run NAME chooses"
 

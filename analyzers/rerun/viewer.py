@@ -21,6 +21,7 @@ from typing import IO, Final
 from urllib.parse import quote
 
 from hrclog.errors import HrclogError, LogReadError
+from hrclog.wording import counted
 
 HOST: Final = "127.0.0.1"
 
@@ -140,7 +141,8 @@ def check_recording(path: Path) -> None:
     if head != _MAGIC:
         raise LogReadError(path, f"a file that begins with {head!r}", "a Rerun recording", remedy)
     if _FOOTER not in tail:
-        found = f"a recording of {size} bytes without its end: cut off, still being written, or of an old version"
+        why = "cut off, still being written, or of an old version"
+        found = f"a recording of {counted(size, 'byte')} without its end: {why}"
         raise LogReadError(path, found, "a whole one", f"{remedy}, or see what is there with `rerun {path}`")
 
 

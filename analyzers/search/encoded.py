@@ -11,7 +11,7 @@ import numpy as np
 from hrclog.arrays import FloatArray, IntArray
 from hrclog.errors import ScenarioError
 from hrclog.knowledge.task_times import AgentTask
-from hrclog.planning.dispatch_mode import DispatchMode, Schedule, schedule_of
+from hrclog.planning.dispatch_mode import MODES, DispatchMode, Schedule, schedule_of
 from hrclog.planning.plan import Plan
 from hrclog.planning.problem import Problem
 
@@ -90,7 +90,7 @@ def encode_plans(
     Raises:
         ScenarioError: the mode is reactive, or items wait for each other in a circle.
     """
-    if mode is DispatchMode.REACTIVE:
+    if not MODES[mode].predictable:
         raise ScenarioError(
             "mode reactive: the order of items is made while the run goes on, so a plan cannot be judged beforehand;"
             " choose another mode"
@@ -103,7 +103,7 @@ def encode_plans(
     not_before = np.zeros(plain.task.shape)
     for index, (plan, schedule) in enumerate(zip(plans, schedules, strict=True)):
         _note_waits(waits[index], agents, schedule)
-        _note_instants(not_before[index], agents, plan, schedule, timed=mode is DispatchMode.TIMED)
+        _note_instants(not_before[index], agents, plan, schedule, timed=MODES[mode].timed)
     resources = encode_resources(problem, plain)
     return replace(
         plain,

@@ -70,7 +70,7 @@ def evaluate(
         cost: per second in which two agents work on keys i and j, shape (K + 1, K + 1), symmetric; default none.
         timeline: whether starts and ends are wanted.
     """
-    lanes = _Lanes(plans, worlds, begun or Begun(), cost, timeline)
+    lanes = _Lanes(plans, worlds, begun or Begun(), cost, timeline=timeline)
     while lanes.step():
         pass
     return lanes.result()
@@ -85,7 +85,8 @@ class _Lanes:
         worlds: Worlds,
         begun: Begun,
         cost: FloatArray | None,
-        timeline: bool,  # noqa: FBT001 - made in one place
+        *,
+        timeline: bool,
     ) -> None:
         self._plans = plans
         n_agents, self._width = plans.task.shape[1:]

@@ -22,6 +22,7 @@ from hrclog.analyzers.search.judge import Judge
 from hrclog.analyzers.search.outcome import Ranked, Search
 from hrclog.analyzers.search.space import Candidate, Space
 from hrclog.planning.random_plans import pick, random_rest
+from hrclog.wording import counted
 
 _BATCH: Final = 96
 _MEMORY: Final = 20
@@ -80,7 +81,7 @@ def local_search(
         if time.monotonic() > deadline:
             return elite.search(f"after {effort.seconds:g} s")
         if not moves or kicks > _ENOUGH:
-            return elite.search(f"nothing better in {elite.judged:,} plans")
+            return elite.search(f"nothing better in {counted(elite.judged, 'plan')}")
         batch = _neighbourhood(walk.at.candidate, moves, source)
         walk.step(min(map(Ranked, elite.scores(batch), batch), default=walk.at))
         misses += 1
@@ -89,7 +90,7 @@ def local_search(
         elif misses > patience:
             kicked = _kicked(top.candidate, moves, _KICKS[kicks % len(_KICKS)], source)
             walk, misses, kicks = _Walk(Ranked(elite.scores([kicked])[0], kicked)), 0, kicks + 1
-    return elite.search(f"after {elite.judged:,} plans")
+    return elite.search(f"after {counted(elite.judged, 'plan')}")
 
 
 class _Walk:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -47,29 +48,70 @@ def search(space: Space, times: TaskTimes, wish: Wish) -> tuple[Search, float]:
         ScenarioError: nothing is known of a task.
     """
     expected = expected_world(times, space.keys, space.agents, space.longest())
-    bound = lower_bound_s(space, expected)
-    match chosen_method(space, wish.method):
-        case Method.RANDOM:
-            return random_plan(space, wish.seed), bound
-        case Method.BASELINE:
-            return best_by_durations(space, times, MOST_ENUMERATED, wish.effort, wish.seed), bound
-        case Method.NOT_NEIGHBORING:
-            apart = harmful_pairs(times) if wish.avoid is None else wish.avoid
-            return best_by_durations(space, times, MOST_ENUMERATED, wish.effort, wish.seed, apart), bound
-        case Method.CPSAT:
-            from hrclog.analyzers.search.cpsat import cpsat
+    quest = Quest(space, times, wish, expected, lower_bound_s(space, expected))
+    return SEARCHES[chosen_method(space, wish.method)](quest)
 
-            believed = _believed(expected, space, times, wish)
-            found = cpsat(space, believed, min(wish.effort.seconds, _CPSAT_SECONDS), wish.seed)
-            return found.search, bound if wish.explore else max(bound, found.bound_s)
-        case Method.LOCAL:
-            believed = _believed(expected, space, times, wish)
-            guide = Judge(space, believed, _near(wish.objective), times=times)
-            near = local_search(guide, wish.effort, wish.seed, keep=_KEPT)
-            return _judged_again(near, Judge(space, _worlds(space, times, wish), wish.objective, times=times)), bound
-        case _:
-            judge = Judge(space, _worlds(space, times, wish), wish.objective, times=times)
-            return judge_all(judge, seconds=wish.effort.seconds), bound
+
+@dataclass(frozen=True, slots=True)
+class Quest:
+    """What a search is asked for.
+
+    Attributes:
+        space: the plans.
+        times: what is known.
+        wish: what kind is wanted.
+        expected: the world where everything is as expected.
+        bound_s: of the undisturbed makespan.
+    """
+
+    space: Space
+    times: TaskTimes
+    wish: Wish
+    expected: Worlds
+    bound_s: float
+
+
+def any_plan(quest: Quest) -> tuple[Search, float]:
+    """Draw a plan."""
+    return random_plan(quest.space, quest.wish.seed), quest.bound_s
+
+
+def baseline(quest: Quest) -> tuple[Search, float]:
+    """Find the least makespan by mean durations."""
+    wish = quest.wish
+    return best_by_durations(quest.space, quest.times, MOST_ENUMERATED, wish.effort, wish.seed), quest.bound_s
+
+
+def not_neighboring(quest: Quest) -> tuple[Search, float]:
+    """Find the least makespan by mean durations among plans that keep harmful pairs apart."""
+    wish = quest.wish
+    apart = harmful_pairs(quest.times) if wish.avoid is None else wish.avoid
+    return best_by_durations(quest.space, quest.times, MOST_ENUMERATED, wish.effort, wish.seed, apart), quest.bound_s
+
+
+def solved(quest: Quest) -> tuple[Search, float]:
+    """Solve the expected world by constraint programming."""
+    from hrclog.analyzers.search.cpsat import cpsat
+
+    wish = quest.wish
+    solution = cpsat(quest.space, _believed(quest), min(wish.effort.seconds, _CPSAT_SECONDS), wish.seed)
+    return solution.search, quest.bound_s if wish.explore else max(quest.bound_s, solution.bound_s)
+
+
+def searched(quest: Quest) -> tuple[Search, float]:
+    """Search the expected world locally, and judge the best plans by all worlds."""
+    wish = quest.wish
+    guide = Judge(quest.space, _believed(quest), _near(wish.objective), times=quest.times)
+    return _judged_again(local_search(guide, wish.effort, wish.seed, keep=_KEPT), _judge(quest)), quest.bound_s
+
+
+def enumerated(quest: Quest) -> tuple[Search, float]:
+    """Judge all plans by all worlds."""
+    return judge_all(_judge(quest), seconds=quest.wish.effort.seconds), quest.bound_s
+
+
+def _judge(quest: Quest) -> Judge:
+    return Judge(quest.space, _worlds(quest), quest.wish.objective, times=quest.times)
 
 
 def _near(objective: Objective) -> Objective:
@@ -77,12 +119,13 @@ def _near(objective: Objective) -> Objective:
     return objective if objective is Objective.CLOSED_FORM else Objective.MEAN
 
 
-def _believed(expected: Worlds, space: Space, times: TaskTimes, wish: Wish) -> Worlds:
+def _believed(quest: Quest) -> Worlds:
     """Return the one world that a search is guided by: the expected one, in exploration with the factors drawn."""
-    return replace(expected, rate=_worlds(space, times, wish).rate[:1]) if wish.explore else expected
+    return replace(quest.expected, rate=_worlds(quest).rate[:1]) if quest.wish.explore else quest.expected
 
 
-def _worlds(space: Space, times: TaskTimes, wish: Wish) -> Worlds:
+def _worlds(quest: Quest) -> Worlds:
+    space, times, wish = quest.space, quest.times, quest.wish
     worlds = drawn_worlds(times, space.keys, space.agents, space.longest(), WORLDS, wish.seed)
     if wish.explore:
         return replace(worlds, rate=np.broadcast_to(worlds.rate[:1], worlds.rate.shape))
@@ -93,3 +136,14 @@ def _judged_again(found: Search, judge: Judge) -> Search:
     candidates = [ranked.candidate for ranked in found.best]
     scores = judge.scores(candidates).tolist()
     return replace(found, best=tuple(sorted(map(Ranked, scores, candidates))))
+
+
+SEARCHES: Final[Mapping[str, Callable[[Quest], tuple[Search, float]]]] = {
+    Method.ENUMERATE: enumerated,
+    Method.LOCAL: searched,
+    Method.CPSAT: solved,
+    Method.BASELINE: baseline,
+    Method.NOT_NEIGHBORING: not_neighboring,
+    Method.RANDOM: any_plan,
+}
+"""What looks for plans in each way of `METHODS`, but for the one that chooses another."""

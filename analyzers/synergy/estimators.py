@@ -15,22 +15,23 @@ EstimatorName = BuiltInEstimator | str
 """Of a built-in, of one that was registered, or `package.module:NAME`."""
 
 _BASE: Final = "hrclog.analyzers.synergy.estimator:Estimator"
-_HERE: Final = "hrclog.analyzers.synergy"
 
 ESTIMATORS: Final[Registry[Estimator]] = Registry(
     "estimator",
     "hrclog.estimators",
     _BASE,
     {
-        "aft": f"{_HERE}.aft:Aft",
-        "bayes": f"{_HERE}.bayes:Bayes",
-        "ols": f"{_HERE}.ols:Ols",
-        "paper": f"{_HERE}.ols:Paper",
+        "aft": "hrclog.analyzers.synergy.aft:Aft",
+        "bayes": "hrclog.analyzers.synergy.bayes:Bayes",
+        "ols": "hrclog.analyzers.synergy.ols:Ols",
+        "paper": "hrclog.analyzers.synergy.ols:Paper",
     },
 )
 """Those that learn synergies; the first is the default."""
 
-YARDSTICKS: Final[Registry[Estimator]] = Registry("yardstick", "", _BASE, {"mean": f"{_HERE}.mean:Mean"})
+YARDSTICKS: Final[Registry[Estimator]] = Registry(
+    "yardstick", "", _BASE, {"mean": "hrclog.analyzers.synergy.mean:Mean"}
+)
 """Those that others are compared with in `score`."""
 
 DEFAULT_ESTIMATOR: Final = ESTIMATORS.default

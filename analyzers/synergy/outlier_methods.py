@@ -15,13 +15,15 @@ BuiltInOutliers = Literal["none", "isolation-forest"]
 Outliers = BuiltInOutliers | str
 """Name of an outlier method."""
 
-_HERE: Final = "hrclog.analyzers.synergy.outliers"
 
 OUTLIER_METHODS: Final[Registry[OutlierMethod]] = Registry(
     "outlier method",
     "hrclog.outlier_methods",
-    f"{_HERE}:OutlierMethod",
-    {"none": f"{_HERE}:KeepAll", "isolation-forest": f"{_HERE}:Forest"},
+    "hrclog.analyzers.synergy.outliers:OutlierMethod",
+    {
+        "none": "hrclog.analyzers.synergy.outliers:KeepAll",
+        "isolation-forest": "hrclog.analyzers.synergy.outliers:Forest",
+    },
 )
 """The first is the default."""
 

@@ -9,7 +9,7 @@ import click
 
 from hrclog.sim.cell.description import LOOKS_HZ
 from hrclog.sim.cell.safety_settings import POLICIES
-from hrclog.sim.engine import ENGINES
+from hrclog.sim.engine import ENGINE_RECORDS, ENGINES
 
 if TYPE_CHECKING:
     from hrclog.sim.scenario import Scenario
@@ -19,12 +19,12 @@ engine_option = click.option(
     type=click.Choice(ENGINES),
     default=ENGINES[0],
     show_default=True,
-    help="events: discrete events with given synergies. bullet: a robot and a human that move, in PyBullet.",
+    help="; ".join(f"{record.name}: {record.summary}" for record in ENGINE_RECORDS) + ".",
 )
 
 safety_option = click.option(
     "--safety",
-    type=click.Choice(POLICIES),
+    type=click.Choice(list(POLICIES)),
     metavar="POLICY",
     help=f"With --engine bullet, what guards the human: {', '.join(POLICIES)}.  [default: as the scenario says]",
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from hrclog.cli.common import EXIT_FAILED, Progress, json_option, logs_argument, print_json, tell
+from hrclog.wording import counted
 
 
 @click.command(name="check")
@@ -37,6 +38,9 @@ def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:
     if as_json:
         print_json({"diagnostics": [finding.as_dict() for finding in findings], "counts": counts})
     else:
-        held = f"{table.height} runs, {read.events.height} events, {table['n_executions'].sum()} executions"
-        click.echo(f"{held}: {counts['error']} errors, {counts['warning']} warnings, {counts['info']} remarks")
+        n_executions = int(table["n_executions"].sum())
+        runs_held, events_held = counted(table.height, "run"), counted(read.events.height, "event")
+        problems = f"{counted(counts['error'], 'error')}, {counted(counts['warning'], 'warning')}"
+        remarks = counted(counts["info"], "remark")
+        click.echo(f"{runs_held}, {events_held}, {counted(n_executions, 'execution')}: {problems}, {remarks}")
     return EXIT_FAILED if strict and not code and counts["warning"] else code

@@ -19,6 +19,7 @@ from hrclog.cli.common import (
     table,
     tell,
 )
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     import polars as pl
@@ -109,9 +110,9 @@ def _summary(comparison: Comparison, names: tuple[str, ...], analyses: tuple[Ana
 
 
 def _side(letter: str, name: str, side: Side, analysis: Analysis) -> str:
-    executions = analysis.runs["n_executions"].sum()
+    executions = counted(int(analysis.runs["n_executions"].sum()), "execution")
     agents = ", ".join(side.agents)
-    return printable(f"{letter}: {name}: {len(side.run_ids)} runs, {executions} executions, agents: {agents}")
+    return printable(f"{letter}: {name}: {counted(len(side.run_ids), 'run')}, {executions}, agents: {agents}")
 
 
 def _makespan(metrics: pl.DataFrame) -> list[str]:
@@ -170,7 +171,9 @@ def _synergies(comparison: Comparison) -> str:
     header = ("task", "while", "A", "B", "B / A", "95 % interval", "differs", "n A", "n B", "status")
     shown = f"\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_more(both.height)}" if rows else ""
     missing = frame.height - both.height
-    note = f"\n{missing} pairs of tasks overlapped on one side or none: nothing to compare" if missing else ""
+    note = (
+        f"\n{counted(missing, 'pair')} of tasks overlapped on one side or none: nothing to compare" if missing else ""
+    )
     return f"{title}{shown}{note}"
 
 
@@ -178,7 +181,8 @@ def _caution(comparison: Comparison) -> str:
     if not comparison.compared:
         return ""
     return (
-        f"{comparison.compared} intervals were looked at, {comparison.differing} of them exclude no difference; about "
+        f"{counted(comparison.compared, 'interval was', 'intervals were')} looked at, "
+        f"{counted(comparison.differing, 'of them excludes', 'of them exclude')} no difference; about "
         f"{comparison.compared / 20:.0f} would by chance alone (one in twenty).\n"
         "What else differs between A and B than what you ask about (day, people, plans) is in these numbers too."
     )
@@ -202,4 +206,4 @@ def _flag(differs: bool | None) -> str:
 
 
 def _more(height: int) -> str:
-    return f"\n... and {height - _MOST_ROWS} more rows, see --json" if height > _MOST_ROWS else ""
+    return f"\n... and {counted(height - _MOST_ROWS, 'more row')}, see --json" if height > _MOST_ROWS else ""

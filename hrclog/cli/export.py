@@ -9,6 +9,7 @@ import click
 from hrclog.analyzers.exporters.exporters import EXPORTERS
 from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
 from hrclog.cli.names import NameOf
+from hrclog.wording import counted
 
 TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics", "signals")
 
@@ -51,5 +52,5 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
     else:
         for path, rows in written:
-            click.echo(f"{path}: {rows} rows")
+            click.echo(f"{path}: {counted(rows, 'row')}")
     return tell(analysis.diagnostics)

@@ -11,6 +11,7 @@ import click
 from hrclog.cli.common import Progress, print_json, table, tell
 from hrclog.recorders.importers.importer import Importer, Option
 from hrclog.recorders.importers.importers import IMPORTERS
+from hrclog.wording import counted
 
 
 class Importers(click.Group):
@@ -81,8 +82,8 @@ def _callback(importer: Importer) -> Any:
             )
         else:
             click.echo(
-                f"{len(imported.runs)} runs, {imported.n_executions} executions: "
-                f"{len(imported.written)} logs written to {output}, {len(imported.unchanged)} there already"
+                f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}: "
+                f"{counted(len(imported.written), 'log')} written to {output}, {len(imported.unchanged)} there already"
             )
             if remark.text:
                 click.echo(remark.text)

@@ -15,6 +15,7 @@ from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.cli.common import EXIT_FINE, Progress, json_option, logs_argument, print_json, tell
 from hrclog.cli.known_times import VARIABLE
 from hrclog.cli.names import NameOf
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.learning.ingest import Ingested
@@ -167,14 +168,15 @@ def export(where: str, output: Path | None, kind: str, target: str | None, as_js
 
             counts = export_mongo(kb, target)
             written = [{"collection": name, "documents": count} for name, count in counts.items()]
-            lines = [f"{name}: {count} documents" for name, count in counts.items()]
+            lines = [f"{name}: {counted(count, 'document')}" for name, count in counts.items()]
         else:
             from hrclog.knowledge.exchange import export_json, export_parquet
 
             assert output is not None  # noqa: S101 - either is given
             files = (export_json if kind == "json" else export_parquet)(kb, output)
             written = [{"path": str(path), "rows": count} for path, count in files]
-            lines = [f"{path}: {count} {'documents' if kind == 'json' else 'rows'}" for path, count in files]
+            unit = "document" if kind == "json" else "row"
+            lines = [f"{path}: {counted(count, unit)}" for path, count in files]
     _say({"written": written}, "\n".join(lines), as_json=as_json)
     return EXIT_FINE
 
@@ -222,7 +224,7 @@ def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: 
             found = rebuild_from(kb, logs, estimator, outliers, reading)
         finally:
             reading.done()
-        said = f"made anew from {len(found.added)} runs"
+        said = f"made anew from {counted(len(found.added), 'run')}"
         _say({"runs": found.added, "statistics": _made(kb)}, said, as_json=as_json)
     return tell(found.diagnostics)
 
@@ -256,8 +258,7 @@ def _of_runs(found: Ingested) -> dict[str, Any]:
 
 def _sentence(found: Ingested) -> str:
     replaced = f", {len(found.replaced)} replaced by a later version" if found.replaced else ""
-    runs = "run" if len(found.added) == 1 else "runs"
-    return f"{len(found.added)} {runs} added{replaced}, {len(found.unchanged)} there already"
+    return f"{counted(len(found.added), 'run')} added{replaced}, {len(found.unchanged)} there already"
 
 
 def _made(kb: KnowledgeBase) -> dict[str, Any] | None:

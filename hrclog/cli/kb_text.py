@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from hrclog.cli.common import number, table
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.knowledge.properties import TaskProperties
@@ -62,7 +63,7 @@ def _source(view: View) -> str:
     made, behind = view.statistics(), missing(view)
     if made is None:
         return "no statistics yet: hrclog kb update makes them" if behind else "no statistics"
-    said = f"statistics of {len(made.runs)} runs, estimator {made.estimator} {made.estimator_version}"
+    said = f"statistics of {counted(len(made.runs), 'run')}, estimator {made.estimator} {made.estimator_version}"
     said += "" if made.outliers == "none" else f", outliers left out by {made.outliers}"
     return f"{said}; behind by {behind}: hrclog kb update follows" if behind else said
 

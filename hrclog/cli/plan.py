@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from hrclog.analyzers.search.methods import METHODS, OBJECTIVES
 from hrclog.cli.common import json_option, print_json, tell
 from hrclog.cli.known_times import kb_option, known_times
 from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
 from hrclog.cli.problem_file import load_problem, problem_argument
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.search.forecast import Forecast
@@ -20,23 +23,21 @@ if TYPE_CHECKING:
     from hrclog.planning.problem import Problem
     from hrclog.sim.scenario import Scenario
 
-METHODS: Final = ("auto", "enumerate", "local", "cpsat", "baseline", "not-neighboring", "random")
-
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
 @problem_argument
 @kb_option
 @click.option(
     "--objective",
-    type=click.Choice(["mean", "p95", "closed-form"]),
-    default="mean",
+    type=click.Choice(list(OBJECTIVES)),
+    default=next(iter(OBJECTIVES)),
     show_default=True,
-    help="Of the makespan: its expectation, what 95 % of runs stay below, or the paper's closed form.",
+    help=f"Of the makespan: {'; '.join(f'{each.name}, {each.summary}' for each in OBJECTIVES.values())}.",
 )
 @click.option(
     "--method",
-    type=click.Choice(METHODS),
-    default="auto",
+    type=click.Choice(list(METHODS)),
+    default=next(iter(METHODS)),
     show_default=True,
     metavar="METHOD",
     help=f"How to look for a plan: {', '.join(METHODS)}.",
@@ -156,6 +157,7 @@ def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         options["explore"],
     )
     found = find_plan(problem, times, wish, out.stem if out else "plan")
+    found = replace(found, plan=_marked(found.plan, problem, options, found.forecast))
     _write(out, found.plan)
     if options["as_json"]:
         print_json(found.to_json())
@@ -173,7 +175,7 @@ def _judge(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     plan = read_plan(options["given"])
     check_plan(problem, plan)
     told = forecast(problem, plan, times, seed=options["seed"])
-    timed = with_expected_times(plan, told)
+    timed = _marked(with_expected_times(plan, told), problem, options, told)
     _write(options["out"], timed)
     if options["as_json"]:
         print_json({"forecast": told.to_json(), "plan": timed.to_json()})
@@ -207,6 +209,7 @@ def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         _write(options["out"], state.plan)
         return code
     plan, told = found
+    plan = _marked(plan, problem, options, told)
     _write(options["out"], plan)
     if options["as_json"]:
         print_json({"now_s": state.now_s, "changed": True, "forecast": told.to_json(), "plan": plan.to_json()})
@@ -252,6 +255,17 @@ def _ends(told: Forecast) -> dict[str, tuple[float, float]]:
     return {item_id: (low, high) for item_id, (_, _, low, high) in told.items.items()}
 
 
+def _marked(plan: Plan, problem: Problem, options: dict[str, Any], told: Forecast | None = None) -> Plan:
+    """Return a plan that names its problem, and what was expected of it."""
+    from hrclog.planning.provenance import Expected, made_for
+
+    expected = plan.expected
+    if told:
+        numbers = (told.mean_s, told.mean_low_s, told.mean_high_s, told.run_low_s, told.run_high_s)
+        expected = Expected(*numbers, worlds=told.worlds)
+    return replace(plan, problem=made_for(options["problem_name"], problem), expected=expected)
+
+
 def _write(out: Path | None, plan: Plan) -> None:
     from hrclog.planning.plan import write_plan
 
@@ -270,6 +284,7 @@ def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) 
     plans = distinct_plans(problem, options["count"], options["seed"])
     if scenario is not None:
         plans = [fitting_plan(scenario, plan) for plan in plans]
+    plans = [_marked(plan, problem, options) for plan in plans]
     paths = [out / f"{plan.name}.json" for plan in plans]
     for path in paths:
         if path.exists():
@@ -283,5 +298,5 @@ def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) 
     if options["as_json"]:
         print_json({"problem": options["problem_name"], "seed": options["seed"], "plans": [str(p) for p in paths]})
     else:
-        click.echo(f"{len(paths)} plans of {options['problem_name']}: {paths[0]} .. {paths[-1].name}")
+        click.echo(f"{counted(len(paths), 'plan')} of {options['problem_name']}: {paths[0]} .. {paths[-1].name}")
     return 0

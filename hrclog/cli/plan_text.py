@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
 
+from hrclog.analyzers.search.methods import METHODS
 from hrclog.cli.common import printable, table
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.search.find import Found
@@ -15,8 +17,6 @@ if TYPE_CHECKING:
 _WIDTH: Final = 96
 _PAIRS: Final = 5
 _APART: Final = 0.75  # of the usual time side by side; what is above is not kept apart
-_BY_MEAN_DURATIONS: Final = ("baseline", "not-neighboring")
-"""Methods that do not look for the least expected makespan."""
 
 
 def found_text(found: Found) -> str:
@@ -48,21 +48,22 @@ def forecast_line(told: Forecast) -> str:
     """Return the makespan with what is uncertain about it."""
     return (
         f"expected {told.mean_s:.1f} s [{told.mean_low_s:.1f}, {told.mean_high_s:.1f}], "
-        f"90 % of runs {told.run_low_s:.1f} to {told.run_high_s:.1f} s ({told.worlds} runs drawn)"
+        f"90 % of runs {told.run_low_s:.1f} to {told.run_high_s:.1f} s ({counted(told.worlds, 'run')} drawn)"
     )
 
 
 def _how(found: Found) -> str:
-    if found.wish.method in _BY_MEAN_DURATIONS:
+    judged = f"{counted(found.search.judged, 'plan')} judged"
+    if METHODS[found.wish.method].by_mean_durations:
         ties = len(found.search.best)
-        return f"method {found.wish.method}, one of {ties:,} equally good by it, {found.search.judged:,} plans judged"
+        return f"method {found.wish.method}, one of {ties:,} equally good by it, {judged}"
     if found.search.exhaustive and found.search.judged == 1:
         return f"method {found.wish.method}, the only plan there is"
     if found.search.exhaustive:
         return f"method {found.wish.method}, the best of all {found.search.judged:,} plans"
     why = found.search.stopped
     stopped = f", stopped {why}" if why.startswith("after") else f", {why}" if why else ""
-    return f"method {found.wish.method}, {found.search.judged:,} plans judged{stopped}"
+    return f"method {found.wish.method}, {judged}{stopped}"
 
 
 def _pairs(found: Found) -> Iterator[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from hrclog.planning.plan import Plan
     from hrclog.planning.problem import Problem
     from hrclog.sim.scenario import Scenario
 
@@ -32,6 +33,38 @@ def load_problem(name: str) -> tuple[Problem, Scenario | None]:
     if name not in scenario_names() and path.is_file():
         value = read_json(path, "a problem or a scenario")
         if not isinstance(value, Mapping) or "problem" not in value:
-            return problem_from_json(JsonRecord(value, str(path), PROBLEM_FIELDS)), None
+            return problem_from_json(JsonRecord(value, str(path), PROBLEM_FIELDS, problems=[])), None
     scenario = load_scenario(name)
     return scenario.problem, scenario
+
+
+def scenario_of_plan(plan: Plan, plan_path: Path) -> str:
+    """Return the name or the path of the scenario that a plan was made for.
+
+    A path that the plan holds counts from the plan's folder, else from the working folder.
+
+    Raises:
+        ScenarioError: the plan names none, its problem is gone or has changed, or it is a problem without a scenario.
+    """
+    from hrclog.errors import ScenarioError
+    from hrclog.planning.provenance import problem_digest
+    from hrclog.sim.scenario import scenario_names
+
+    remedy = "name the scenario to carry it out in with --scenario NAME|FILE"
+    if plan.problem is None:
+        raise ScenarioError(f"{plan_path}: the plan does not say which problem it was made for; {remedy}")
+    name = plan.problem.name
+    if name not in scenario_names():
+        places = [path for path in (plan_path.parent / name, Path(name)) if path.is_file()]
+        if not places:
+            found = f"the plan was made for {name!r}, which is no scenario, and no file beside the plan or here"
+            raise ScenarioError(f"{plan_path}: {found}; {remedy}")
+        name = str(places[0])
+    problem, scenario = load_problem(name)
+    if scenario is None:
+        found = f"the plan was made for {name!r}, a problem that says nothing of how its agents act"
+        raise ScenarioError(f"{plan_path}: {found}; {remedy}")
+    if plan.problem.digest and problem_digest(problem) != plan.problem.digest:
+        found = f"the problem of {name!r} has changed since the plan was made"
+        raise ScenarioError(f"{plan_path}: {found}; make the plan anew, or {remedy}")
+    return name

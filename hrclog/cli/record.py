@@ -15,6 +15,7 @@ import click
 
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, json_option, print_json, printable
 from hrclog.cli.on_run_end import Following, on_run_end_option
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -122,7 +123,8 @@ def command(
             }
         )
     else:
-        click.echo(f"{result.path}: {result.n_events} events recorded, {n_refused} lines refused", err=True)
+        recorded, refused = counted(result.n_events, "event"), counted(n_refused, "line")
+        click.echo(f"{result.path}: {recorded} recorded, {refused} refused", err=True)
     return max(_follow(knowledge, path), EXIT_DATA_LOST if n_refused else EXIT_FINE)
 
 

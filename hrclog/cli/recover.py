@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, json_option, print_json, printable
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.log.recover import Recovered
@@ -44,7 +45,7 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
     else:
         for result in done:
             done_text = "closed already" if result.path == result.source else f"-> {result.path}"
-            click.echo(f"{result.source} {done_text}: {result.n_messages} messages")
+            click.echo(f"{result.source} {done_text}: {counted(result.n_messages, 'message')}")
     if sources and not done:
         return EXIT_FAILED
     return EXIT_DATA_LOST if failures or any(result.problems for result in done) else EXIT_FINE

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from hrclog.cli.known_times import kb_option, known_times
+from hrclog.recorders.dispatch.policy import ReplanOn
 
 if TYPE_CHECKING:
     from hrclog.planning.problem import Problem
@@ -19,7 +20,7 @@ _OPTIONS = (
     kb_option,
     click.option(
         "--replan-on",
-        type=click.Choice(["failure", "delay"]),
+        type=click.Choice([str(choice) for choice in ReplanOn]),
         multiple=True,
         help="Plan the rest anew, by what --kb holds, when an item failed for good or is late; may be given twice.",
     ),

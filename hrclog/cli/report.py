@@ -21,6 +21,7 @@ from hrclog.cli.common import (
     tell,
 )
 from hrclog.errors import HrclogError
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.report.document import Report
@@ -207,8 +208,8 @@ def _facts(said: Report, written: Mapping[str, Sequence[Path]]) -> dict[str, Any
 
 def _told(said: Report, written: Mapping[str, Sequence[Path]]) -> str:
     counts = {"figure": len(said.figures), "table": len(said.tables), "single run": len(said.runs)}
-    counted = ", ".join(f"{count} {what}{'' if count == 1 else 's'}" for what, count in counts.items())
+    contents = ", ".join(counted(count, what) for what, count in counts.items())
     single, many = ("html", "pdf"), _PICTURES
     places = [str(path) for kind in single for path in written.get(kind, ())]
     places += [f"{written[kind][0].parent}/*.{kind}" for kind in many if kind in written]
-    return f"{said.summary}\nWritten: {', '.join(places)} ({counted})"
+    return f"{said.summary}\nWritten: {', '.join(places)} ({contents})"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from hrclog.analyzers.synergy.estimators import scored
 from hrclog.cli.common import number, table
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.prediction.score import Score
@@ -36,8 +37,8 @@ def score_text(found: Score) -> str:
 
 
 def _headline(found: Score) -> str:
-    counts = f"{found.n_test_runs} runs, {found.n_executions} executions, learnt from {found.n_train_runs} runs"
-    lines = [f"{_SETTINGS[found.setting]}: {counts}"]
+    tested = f"{counted(found.n_test_runs, 'run')}, {counted(found.n_executions, 'execution')}"
+    lines = [f"{_SETTINGS[found.setting]}: {tested}, learnt from {counted(found.n_train_runs, 'run')}"]
     if found.setting == "static":
         lines.append(
             "Not calibrated: how far apart sessions are cannot be learnt from one; the intervals promise nothing"
@@ -50,7 +51,8 @@ def _headline(found: Score) -> str:
         ]
     missing = found.n_executions - max(row["n"] for row in found.estimators.values())
     if missing:
-        lines.append(f"{missing} executions are of tasks that no run to learn from had finished: not predicted")
+        unknown = counted(missing, "execution is of a task", "executions are of tasks")
+        lines.append(f"{unknown} that no run to learn from had finished: not predicted")
     return "\n".join(lines)
 
 

@@ -10,6 +10,7 @@ from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_optio
 from hrclog.cli.common import Progress, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.sim.scenario import scenario_names
+from hrclog.wording import counted
 
 
 @click.command(
@@ -55,7 +56,8 @@ def command(
     """Simulate runs of a cell and write one log each, with the truth beside them.
 
     Every run carries out another random plan of the scenario. The true synergies and the work of every execution go to
-    truth.json, which no estimator reads. The same command goes on with a campaign that was killed.
+    truth.json, which no estimator reads. The same command goes on with a campaign that was killed, and with more --runs
+    it extends a finished one.
 
     \b
     Example:
@@ -96,11 +98,12 @@ def command(
         }
         print_json(result)
     else:
-        click.echo(f"{len(paths)} runs of {cell.name}: {paths[0]} .. {paths[-1].name}, truth in {truth}")
+        click.echo(f"{counted(len(paths), 'run')} of {cell.name}: {paths[0]} .. {paths[-1].name}, truth in {truth}")
         if failed:
             click.echo(f"runs in which something did not succeed: {failed} of {len(paths)}")
         if contacts is not None:
-            click.echo(f"contacts while moving: {contacts} in {len(paths)} runs")
+            click.echo(f"contacts while moving: {contacts} in {counted(len(paths), 'run')}")
+        click.echo(f"Look at it: hrclog view {out_dir}")
     return code
 
 

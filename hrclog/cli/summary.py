@@ -7,6 +7,7 @@ from statistics import mean, stdev
 from typing import TYPE_CHECKING, Any
 
 from hrclog.cli.common import number, printable, table
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     import polars as pl
@@ -20,7 +21,7 @@ def summary(analysis: Analysis, output: Path, drawn: int) -> str:
     """Return the tables that a person reads first; `drawn` runs have a recording of their own."""
     parts = [_headline(analysis), _durations(analysis), _metrics(analysis), _synergies(analysis)]
     runs = analysis.runs.height
-    some = f" ({drawn} of {runs:,} runs, evenly spread; --recordings all draws each)" if drawn < runs else ""
+    some = f" ({drawn} of {counted(runs, 'run')}, evenly spread; --recordings all draws each)" if drawn < runs else ""
     parts.append(
         f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd{some}\n"
         f"Look at it: hrclog view {output}"
@@ -31,7 +32,8 @@ def summary(analysis: Analysis, output: Path, drawn: int) -> str:
 def _headline(analysis: Analysis) -> str:
     runs = analysis.runs
     agents = ", ".join(runs["agents"].explode(empty_as_null=False).unique().sort()) or "none"
-    text = f"{runs.height} runs, {runs['n_executions'].sum()} executions, agents: {printable(agents)}"
+    executions = counted(int(runs["n_executions"].sum()), "execution")
+    text = f"{counted(runs.height, 'run')}, {executions}, agents: {printable(agents)}"
     return f"{text}\n{_makespan(runs)}".rstrip()
 
 
@@ -119,8 +121,8 @@ def _synergies(analysis: Analysis) -> str:
     title = (
         f"Synergies by {analysis.estimator}: factor on a task's mean duration while another's task runs (> 1 is slower)"
     )
-    drawn = f"\nIntervals come from {analysis.bootstrap} draws of whole runs" if analysis.bootstrap else ""
-    note = drawn + (f"\n{unobserved} pairs of tasks never overlapped: not observed" if unobserved else "")
+    drawn = f"\nIntervals come from {counted(analysis.bootstrap, 'draw')} of whole runs" if analysis.bootstrap else ""
+    note = drawn + (f"\n{counted(unobserved, 'pair')} of tasks never overlapped: not observed" if unobserved else "")
     header = ("task", "while", "factor", "95 % interval", *(["over free"] if free else []), "n", "overlap s", "status")
     return f"{title}\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_more(seen.height)}{note}"
 
@@ -133,4 +135,4 @@ def _free(row: dict[str, Any]) -> str:
 
 
 def _more(height: int) -> str:
-    return f"\n... and {height - _MOST_ROWS} more rows, see analysis.json" if height > _MOST_ROWS else ""
+    return f"\n... and {counted(height - _MOST_ROWS, 'more row')}, see analysis.json" if height > _MOST_ROWS else ""

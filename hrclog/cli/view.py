@@ -14,6 +14,7 @@ import click
 
 from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, printable, tell
 from hrclog.errors import HrclogError, LogReadError
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.rerun.selection import Chosen
@@ -163,7 +164,7 @@ def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: fl
         finally:
             reading.done()
             n_runs, n_ended = len(followed.runs), len(followed.ended)
-            click.echo(f"followed {n_runs:,} run{'' if n_runs == 1 else 's'}, {n_ended:,} ended", err=True)
+            click.echo(f"followed {counted(n_runs, 'run')}, {n_ended:,} ended", err=True)
         code = viewer.process.poll()
     if code:
         raise HrclogError(f"the Rerun viewer ended with code {code}")

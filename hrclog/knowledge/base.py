@@ -8,24 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from hrclog.errors import KnowledgeError
-from hrclog.knowledge.database import WAIT_S, Database
+from hrclog.knowledge.database import Database
 from hrclog.knowledge.view import RunEntry, StatisticsEntry, View
 
 if TYPE_CHECKING:
-    import polars as pl
-    from sqlalchemy import Connection
-
     from hrclog.knowledge.properties import TaskProperties
     from hrclog.knowledge.records import RunRecord
     from hrclog.knowledge.task_times import TaskTimes
 
 
-class KnowledgeBase:
-    """Runs, their executions, and statistics of them.
+class KnowledgeBase(Database):
+    """Runs, their executions, and statistics of them, in a database.
 
     Args:
         where: a file, sqlite:///FILE or postgresql://USER@HOST/DATABASE.
@@ -36,45 +32,16 @@ class KnowledgeBase:
         KnowledgeError: it cannot be reached, or is something else.
     """
 
-    def __init__(self, where: str | Path, *, create: bool = False, wait_s: float = WAIT_S) -> None:
-        self._database = Database(where, create=create, wait_s=wait_s)
-        self.where = self._database.place.shown
-
-    def close(self) -> None:
-        """Close it; what was written stays."""
-        self._database.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     @contextmanager
     def view(self) -> Iterator[View]:
         """Give one state to read from, whatever others write meanwhile."""
-        with self._database.reading() as connection:
+        with self.reading() as connection:
             yield View(connection, self.where)
 
     def runs(self) -> list[RunEntry]:
         """Return all runs, withdrawn ones too, by (start_ns, run_id)."""
         with self.view() as view:
             return view.runs()
-
-    def results(self) -> pl.DataFrame:
-        """Return the executions of the runs that are not withdrawn, with the columns of intervals; `path` is ""."""
-        with self.view() as view:
-            return view.results()
-
-    def durations(self) -> pl.DataFrame:
-        """Return what is known of durations, one row per (agent, task)."""
-        with self.view() as view:
-            return view.durations()
-
-    def synergies(self) -> pl.DataFrame:
-        """Return the synergies of pairs of tasks of different agents."""
-        with self.view() as view:
-            return view.synergies()
 
     def times(self) -> TaskTimes:
         """Return what plans are judged by; nothing where there are no statistics yet."""
@@ -113,12 +80,6 @@ class KnowledgeBase:
     def undo_withdrawal(self, run: str) -> str:
         """Take a withdrawn run back into statistics, and return its id; arguments as those of `withdraw`."""
         return self._withdraw(run, None)
-
-    @contextmanager
-    def writing(self) -> Iterator[Connection]:
-        """Give the one connection that may write; its changes come true together at the end, or none does."""
-        with self._database.writing() as connection:
-            yield connection
 
     def _withdraw(self, run: str, reason: str | None) -> str:
         from hrclog.knowledge.rows import clean_text

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from sqlalchemy import Connection, insert, inspect, select, text
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from hrclog.errors import KnowledgeError
 from hrclog.knowledge.place import WRITING, Place, make_engine, place_of
-from hrclog.knowledge.tables import META, METADATA, SCHEMA_VERSION
+from hrclog.knowledge.tables import KNOWLEDGE_VERSION, META, METADATA
 
 WAIT_S: Final = 10.0
 """How long to wait for another writer, in seconds."""
@@ -32,12 +32,13 @@ class Database:
         KnowledgeError: it cannot be reached, or is something else.
     """
 
-    def __init__(self, where: str | Path, *, create: bool, wait_s: float = WAIT_S) -> None:
-        self.place = place_of(where)
-        self.wait_s = wait_s
-        if self.place.path is not None:
-            _check_file(self.place.path, create=create)
-        self._engine = make_engine(self.place, wait_s)
+    def __init__(self, where: str | Path, *, create: bool = False, wait_s: float = WAIT_S) -> None:
+        self._place = place_of(where)
+        self.where = self._place.shown
+        self._wait_s = wait_s
+        if self._place.path is not None:
+            _check_file(self._place.path, create=create)
+        self._engine = make_engine(self._place, wait_s)
         try:
             if not self._is_there():
                 self._create(create=create)
@@ -46,8 +47,14 @@ class Database:
             raise
 
     def close(self) -> None:
-        """Close all connections."""
+        """Close all connections; what was written stays."""
         self._engine.dispose()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
@@ -57,7 +64,7 @@ class Database:
             KnowledgeError: the database fails.
         """
         options = {} if self._is_sqlite else {"isolation_level": "REPEATABLE READ"}
-        with _told(self.place), self._engine.connect().execution_options(**options) as connection, connection.begin():
+        with _told(self._place), self._engine.connect().execution_options(**options) as connection, connection.begin():
             yield connection
 
     @contextmanager
@@ -68,15 +75,15 @@ class Database:
             KnowledgeError: the database fails, or another process writes for too long.
         """
         options = {WRITING: True}
-        with _told(self.place), self._engine.connect().execution_options(**options) as connection, connection.begin():
+        with _told(self._place), self._engine.connect().execution_options(**options) as connection, connection.begin():
             if not self._is_sqlite:
-                connection.execute(text(f"SET LOCAL lock_timeout = {int(self.wait_s * 1000)}"))
+                connection.execute(text(f"SET LOCAL lock_timeout = {int(self._wait_s * 1000)}"))
                 connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
             yield connection
 
     @property
     def _is_sqlite(self) -> bool:
-        return self.place.path is not None
+        return self._place.path is not None
 
     def _is_there(self) -> bool:
         """Return whether this is a knowledge base; False where there is nothing.
@@ -87,26 +94,26 @@ class Database:
         with self.reading() as connection:
             found = set(inspect(connection).get_table_names())
             if META.name in found:
-                _check_version(self.place, connection)
+                _check_version(self._place, connection)
                 return True
         taken = found if self._is_sqlite else found & set(METADATA.tables)
         if taken:
             names = ", ".join(sorted(taken)[:4])
-            raise KnowledgeError(self.place.shown, f"found a database of something else (tables {names})", _ANOTHER)
+            raise KnowledgeError(self.where, f"found a database of something else (tables {names})", _ANOTHER)
         return False
 
     def _create(self, *, create: bool) -> None:
         if not create:
-            raise _nothing(self.place.shown)
+            raise _nothing(self.where)
         if self._is_sqlite:
-            with _told(self.place), self._engine.connect() as connection:
+            with _told(self._place), self._engine.connect() as connection:
                 raw = connection.connection.driver_connection
                 assert raw is not None  # noqa: S101 - a connection has one
                 raw.execute("PRAGMA journal_mode=WAL")  # readers and a writer do not wait for each other
         with self.writing() as connection:
             if not inspect(connection).has_table(META.name):  # another process may have been faster
                 METADATA.create_all(connection)
-                connection.execute(insert(META).values(key="schema_version", value=SCHEMA_VERSION))
+                connection.execute(insert(META).values(key="schema_version", value=KNOWLEDGE_VERSION))
 
 
 _ANOTHER: Final = "choose another place for the knowledge base"
@@ -128,8 +135,8 @@ def _nothing(where: str | Path) -> KnowledgeError:
 
 def _check_version(place: Place, connection: Connection) -> None:
     version = connection.execute(select(META.c.value).where(META.c.key == "schema_version")).scalar()
-    if version != SCHEMA_VERSION:
-        found = f"found a knowledge base of schema version {version}, expected {SCHEMA_VERSION}"
+    if version != KNOWLEDGE_VERSION:
+        found = f"found a knowledge base of schema version {version}, expected {KNOWLEDGE_VERSION}"
         remedy = "use the hrclog that made it, or make a new one from the logs with hrclog kb update LOG... --kb NEW"
         raise KnowledgeError(place.shown, found, remedy)
 

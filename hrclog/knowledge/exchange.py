@@ -25,7 +25,7 @@ from hrclog.knowledge.documents import (
 from hrclog.knowledge.properties import TaskProperties, properties_from_row, snapshot_id
 from hrclog.knowledge.records import RunRecord, Version, results_frame
 from hrclog.knowledge.rows import frame_schema
-from hrclog.knowledge.tables import SCHEMA_VERSION, TASK_RESULTS
+from hrclog.knowledge.tables import KNOWLEDGE_VERSION, TASK_RESULTS
 from hrclog.knowledge.view import View
 from hrclog.knowledge.write import put_withdrawal
 
@@ -153,7 +153,7 @@ def _rest(view: View) -> dict[str, Any]:
     runs = view.runs()
     withdrawn = result_documents(view.results(withdrawn=True), recipes(runs))
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": KNOWLEDGE_VERSION,
         "runs": [{name: value for name, value in asdict(run).items() if name != "withdrawn"} for run in runs],
         "snapshots": {key: [task.to_row() for task in tasks] for key, tasks in view.snapshots().items()},
         "withdrawals": view.withdrawals(),
@@ -163,8 +163,8 @@ def _rest(view: View) -> dict[str, Any]:
 
 
 def _check_version(path: Path, found: object) -> None:
-    if found != SCHEMA_VERSION:
-        raise ImportDataError(path, f"schema version {found!r}", SCHEMA_VERSION, _REMEDY)
+    if found != KNOWLEDGE_VERSION:
+        raise ImportDataError(path, f"schema version {found!r}", KNOWLEDGE_VERSION, _REMEDY)
 
 
 def _results(documents: Iterable[Mapping[str, Any]]) -> dict[str, pl.DataFrame]:

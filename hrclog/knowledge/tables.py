@@ -10,7 +10,7 @@ from typing import Final
 
 from sqlalchemy import BigInteger, Column, Double, MetaData, Table, Text
 
-SCHEMA_VERSION: Final = "1"
+KNOWLEDGE_VERSION: Final = "1"
 """Of these tables; a knowledge base of another one is not read."""
 
 METADATA: Final = MetaData()

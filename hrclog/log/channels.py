@@ -12,6 +12,7 @@ from typing import Final
 
 from hrclog.errors import InvalidEventError
 from hrclog.log import message
+from hrclog.wording import counted
 
 EVENTS_TOPIC: Final = "/hrc/events"
 PROFILE: Final = "ros2"
@@ -144,7 +145,7 @@ def decode_string(data: bytes) -> str:
     try:
         (size,) = struct.unpack_from("<I", data, 4)
         if data[:4] != LITTLE or not 8 < 8 + size <= len(data):
-            raise ValueError(f"found {len(data)} bytes that are no text")
+            raise ValueError(f"found {counted(len(data), 'byte that is', 'bytes that are')} no text")
         return data[8 : 8 + size].removesuffix(b"\0").decode()
     except (struct.error, UnicodeDecodeError) as error:
         raise ValueError(f"a text cannot be decoded ({error})") from error
@@ -214,16 +215,6 @@ def encode_pose(time_ns: int, position: Sequence[float], quaternion: Sequence[fl
         raise InvalidEventError(f"pose: a field cannot be written ({error})") from error
 
 
-def decode_joints(data: bytes) -> tuple[list[str], tuple[float, ...]]:
-    """Return names and positions of a little-endian CDR JointState.
-
-    Raises:
-        ValueError: the message is damaged.
-    """
-    names, begin, count = joint_names(data)
-    return names, struct.unpack_from(f"<{count}d", data, begin)
-
-
 def joint_names(data: bytes) -> tuple[list[str], int, int]:
     """Return the names of a little-endian CDR JointState, the byte at which its positions begin, and how many it has.
 
@@ -243,7 +234,7 @@ def joint_names(data: bytes) -> tuple[list[str], int, int]:
         raise ValueError(f"a joint state cannot be decoded ({error})") from error
     position += -(position - 4) % 8 if count else 0
     if position + 8 * count > len(data):
-        raise ValueError(f"a joint state of {len(data)} bytes has no room for {count} positions")
+        raise ValueError(f"a joint state of {counted(len(data), 'byte')} has no room for {counted(count, 'position')}")
     return names, position, count
 
 

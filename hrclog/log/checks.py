@@ -12,13 +12,14 @@ from hrclog.event_rows import parse_details
 from hrclog.events import (
     COLUMNS,
     EVENT_CLASSES,
+    EVENT_VERSION,
     FLOAT_COLUMNS,
     INT_COLUMNS,
     LATEST_NS,
-    SCHEMA_VERSION,
     TASK_KINDS,
     Role,
 )
+from hrclog.wording import counted
 
 _ROLES: Final = [role.value for role in Role]
 _RULES: Final[list[tuple[str, pl.Expr, str | float | None]]] = [
@@ -49,7 +50,13 @@ def without_copies(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]
     )
     counts = dropped.select("path", pl.col("len") - pl.col("kept").fill_null(0)).rows()
     return unique, [
-        Diagnostic("duplicate_events", f"{count} events were given before and were counted once", path)
+        Diagnostic(
+            "duplicate_events",
+            counted(
+                count, "event was given before and was counted once", "events were given before and were counted once"
+            ),
+            path,
+        )
         for path, count in counts
         if count
     ]
@@ -100,13 +107,23 @@ def _sequence(events: pl.DataFrame) -> list[Diagnostic]:
     for run_id, path, high, distinct, shared, backwards in runs.iter_rows():
         missing = high + 1 - distinct
         texts = {
-            "events_missing": f"{missing} events between seq 0 and {high} are missing" if missing > 0 else "",
-            "conflicting_seq": f"{shared} events share the sequence number of another, different event"
-            if shared
-            else "",
-            "time_not_monotonic": f"{backwards} times run backwards against the order of writing" if backwards else "",
+            "events_missing": (
+                missing,
+                f"event between seq 0 and {high} is missing",
+                f"events between seq 0 and {high} are missing",
+            ),
+            "conflicting_seq": (
+                shared,
+                "event shares the sequence number of another, different event",
+                "events share the sequence number of another, different event",
+            ),
+            "time_not_monotonic": (
+                backwards,
+                "time runs backwards against the order of writing",
+                "times run backwards against the order of writing",
+            ),
         }
-        found += [Diagnostic(code, text, path, run_id) for code, text in texts.items() if text]
+        found += [Diagnostic(code, counted(*text), path, run_id) for code, text in texts.items() if text[0] > 0]
     return found
 
 
@@ -133,7 +150,13 @@ def _segment(details: str) -> int:
 
 def _impossible_times(events: pl.DataFrame) -> list[Diagnostic]:
     return [
-        Diagnostic("invalid_time", f"time_ns is {value} in {count} events, which were skipped", path, run_id, seq)
+        Diagnostic(
+            "invalid_time",
+            f"time_ns is {value} in {counted(count, 'event, which was', 'events, which were')} skipped",
+            path,
+            run_id,
+            seq,
+        )
         for path, run_id, value, seq, count in _first_of(
             events, ~pl.col("time_ns").is_between(-LATEST_NS, LATEST_NS), "time_ns"
         )
@@ -142,7 +165,13 @@ def _impossible_times(events: pl.DataFrame) -> list[Diagnostic]:
 
 def _invalid_values(events: pl.DataFrame) -> list[Diagnostic]:
     return [
-        Diagnostic("invalid_value", f"{name} is {value!r} in {count} events and counts as {unset!r}", path, run_id, seq)
+        Diagnostic(
+            "invalid_value",
+            f"{name} is {value!r} in {counted(count, 'event')} and counts as {unset!r}",
+            path,
+            run_id,
+            seq,
+        )
         for name, valid, unset in _RULES
         for path, run_id, value, seq, count in _first_of(events, ~valid, name)
     ]
@@ -150,17 +179,23 @@ def _invalid_values(events: pl.DataFrame) -> list[Diagnostic]:
 
 def _unknown(events: pl.DataFrame) -> list[Diagnostic]:
     return [
-        Diagnostic("unknown_event", f"{count} events are of the unknown kind {kind!r}", path, run_id, seq)
+        Diagnostic(
+            "unknown_event",
+            f"{counted(count, 'event is', 'events are')} of the unknown kind {kind!r}",
+            path,
+            run_id,
+            seq,
+        )
         for path, run_id, kind, seq, count in _first_of(events, ~pl.col("kind").is_in(list(EVENT_CLASSES)), "kind")
     ]
 
 
 def _newer(events: pl.DataFrame) -> list[Diagnostic]:
-    newer = pl.col("schema_version") > SCHEMA_VERSION
+    newer = pl.col("schema_version") > EVENT_VERSION
     return [
         Diagnostic(
             "newer_schema",
-            f"{count} events have version {version}, this hrclog knows {SCHEMA_VERSION}",
+            f"{counted(count, 'event has', 'events have')} version {version}, this hrclog knows {EVENT_VERSION}",
             path,
             run_id,
             seq,
@@ -171,7 +206,13 @@ def _newer(events: pl.DataFrame) -> list[Diagnostic]:
 
 def _non_finite(events: pl.DataFrame) -> list[Diagnostic]:
     return [
-        Diagnostic("non_finite_value", f"{name} is {value} in {count} events and counts as unset", path, run_id, seq)
+        Diagnostic(
+            "non_finite_value",
+            f"{name} is {value} in {counted(count, 'event')} and counts as unset",
+            path,
+            run_id,
+            seq,
+        )
         for name in FLOAT_COLUMNS
         for path, run_id, value, seq, count in _first_of(events, ~pl.col(name).is_finite(), name)
     ]

@@ -22,6 +22,7 @@ from hrclog.log.json_rows import parse_object, row_from_object
 from hrclog.log.message import EVENTS
 from hrclog.log.recorded_scene import SceneParts, is_scene
 from hrclog.log.signals import decode_signals, is_signal
+from hrclog.wording import counted
 
 Complain = Callable[[str, str, int | None], None]
 """Takes a diagnostic code, a message and the byte offset or None."""
@@ -62,8 +63,9 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
             part = _select(batch, batch.channel == channel_id)
             channel = contents.channels.get(channel_id)
             if channel is None:
-                text = f"{len(part.start)} messages are on channel {channel_id}, which is not declared"
-                complain("corrupt_data", f"{text}; the first has log time {part.log_time[0]} ns", None)
+                text = f"{counted(len(part.start), 'message is', 'messages are')} on channel {channel_id}"
+                where = f"the first has log time {part.log_time[0]} ns"
+                complain("corrupt_data", f"{text}, which is not declared; {where}", None)
             elif channel_id in decoders:
                 decoded.events.append(decoders[channel_id](part))
             elif signals and is_signal(channel):
@@ -132,8 +134,8 @@ def _fields(definition: str) -> list[tuple[str, ...]]:
 
 
 def _no_events(part: Batch, why: str, complain: Complain) -> pl.DataFrame:
-    text = f"{len(part.start)} messages cannot be decoded ({why}), expected cdr with a readable definition, or json"
-    complain("undecodable_event", text, None)
+    text = f"{counted(len(part.start), 'message')} cannot be decoded ({why})"
+    complain("undecodable_event", f"{text}, expected cdr with a readable definition, or json", None)
     return frame_of_rows([])
 
 
@@ -171,8 +173,8 @@ def _general_events(part: Batch, decode: _Decode, complain: Complain) -> pl.Data
         row["seq"] = sequence if row["seq"] is None else row["seq"]
         rows.append(row | {"log_time_ns": log_time})
     for reason, count in failures.items():
-        text = f"{count} messages cannot be decoded ({reason}), the first with log time {first[reason]} ns"
-        complain("undecodable_event", text, None)
+        text = f"{counted(count, 'message')} cannot be decoded ({reason})"
+        complain("undecodable_event", f"{text}, the first with log time {first[reason]} ns", None)
     return frame_of_rows(rows)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from hrclog.log.files import exists
+from hrclog.wording import agree, counted
 
 LOG_PATTERNS: Final = ("*.mcap", "*.mcap.partial", "*.bag")
 BAG_METADATA: Final = "metadata.yaml"
@@ -39,11 +40,13 @@ def unread_logs(arguments: Iterable[str | Path], found: Iterable[Path]) -> list[
     for folder, count in sorted(folders.items()):
         journals = {path.absolute() for path in folder.glob("*.mcap.partial")} - chosen if count > 1 else set()
         if journals:
-            notes.append((folder, f"{len(journals)} unfinished logs (*.mcap.partial) beside these were not read"))
+            which = f"{counted(len(journals), 'unfinished log')} (*.mcap.partial) beside these"
+            notes.append((folder, f"{which} {agree(len(journals), 'was', 'were')} not read"))
     for argument in map(Path, arguments):
         below = _logs_below(argument) - chosen
         if below:
-            notes.append((argument, f"{len(below)} logs in its subfolders were not read; name those too"))
+            remedy = agree(len(below), "was not read; name it too", "were not read; name those too")
+            notes.append((argument, f"{counted(len(below), 'log')} in its subfolders {remedy}"))
     return notes
 
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from hrclog.errors import InvalidEventError
-from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, SCHEMA_VERSION, STRING_COLUMNS
+from hrclog.events import COLUMNS, EVENT_VERSION, FLOAT_COLUMNS, INT_COLUMNS, STRING_COLUMNS
 
 _COUNTERS: Final = ("schema_version", "attempt", "seq")
 _DEFAULTS: Final[dict[str, Any]] = (
-    {"schema_version": SCHEMA_VERSION, "attempt": 1, "seq": None}
+    {"schema_version": EVENT_VERSION, "attempt": 1, "seq": None}
     | dict.fromkeys((*INT_COLUMNS, *FLOAT_COLUMNS))
     | dict.fromkeys(STRING_COLUMNS, "")
 )

@@ -36,6 +36,7 @@ from hrclog.log.message import EVENTS
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
 from hrclog.log.signals import SIGNAL_COLUMNS, merged_samples
+from hrclog.wording import counted
 
 ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
@@ -198,7 +199,8 @@ def _named_runs(events: pl.DataFrame, path: Path, complain: Complain) -> pl.Data
     nameless = events.filter(pl.col("run_id") == "").height
     if not nameless:
         return events
-    complain("no_run_id", f"{nameless} events name no run; they are taken as one run of this file", None)
+    which = counted(nameless, "event names no run; it is", "events name no run; they are")
+    complain("no_run_id", f"{which} taken as one run of this file", None)
     run_id = derived_id("file", str(path.resolve()))
     named = pl.when(pl.col("run_id") == "").then(pl.lit(run_id)).otherwise("run_id")
     return events.with_columns(named.alias("run_id"))

@@ -15,6 +15,7 @@ from hrclog.log import channels
 from hrclog.log.contents import Batch
 from hrclog.log.signals import merged_samples
 from hrclog.scene import Scene, parse_scene
+from hrclog.wording import counted
 
 POSE_COLUMNS: Final = pl.Schema(
     {"run_id": pl.String, "name": pl.String, "time_ns": pl.Int64}
@@ -111,7 +112,7 @@ def recorded_scene(parts: SceneParts, run_id: str | None, tell: Tell) -> Recorde
     for run, _, _, text in _first(scenes).iter_rows():
         parsed[run], problems = parse_scene(text)
         if problems:
-            more = f" (and {len(problems) - 1} further problems)" if len(problems) > 1 else ""
+            more = f" (and {counted(len(problems) - 1, 'further problem')})" if len(problems) > 1 else ""
             tell(f"of a scene something was left out: {problems[0]}{more}")
     urdfs = {(run, agent): text for run, agent, _, text in _first(descriptions).iter_rows()}
     return RecordedScene(parsed, urdfs, poses)
@@ -164,7 +165,8 @@ def _poses(part: Batch, name: str, run_id: str, tell: Tell) -> pl.DataFrame:
         good = (np.abs(values[:, :3]) <= _FARTHEST_M).all(axis=1) & (norm > 1e-6) & (norm < 1e6)
     left_out = len(part.start) - int(good.sum())
     if left_out:
-        tell(f"{left_out} poses of {name!r} were left out: they are damaged or no finite numbers")
+        which = counted(left_out, f"pose of {name!r} was left out: it is", f"poses of {name!r} were left out: they are")
+        tell(f"{which} damaged or no finite numbers")
     values = values[good]
     values[:, 3:] /= norm[good, None]
     columns = dict(zip(POSE_COLUMNS.names()[3:], values.T, strict=True))

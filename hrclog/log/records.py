@@ -20,6 +20,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment
 
+from hrclog.wording import counted
+
 MAGIC: Final = b"\x89MCAP0\r\n"
 PREFIX: Final = struct.Struct("<BQ")
 """Opcode and content length, which begin every record."""
@@ -90,7 +92,7 @@ class Walk:
         following = next_chunk(self._data, self._position + 1, self._end, self._end)
         if following is None:
             rest = self._end - self._position
-            text = f"the file ends inside a record; its last {rest} bytes were ignored"
+            text = f"the file ends inside a record; its last {counted(rest, 'byte was', 'bytes were')} ignored"
             self._problems.append(Problem("truncated", self._position, text))
         else:
             self._problems.append(_gap(self._position, following))
@@ -227,4 +229,9 @@ def _decompress(data: bytes, name: bytes, start: int, end: int, size: int) -> Sp
 
 
 def _gap(position: int, following: int) -> Problem:
-    return Problem("corrupt_data", position, f"{following - position} bytes are not valid records and were skipped")
+    text = counted(
+        following - position,
+        "byte is not a valid record and was skipped",
+        "bytes are not valid records and were skipped",
+    )
+    return Problem("corrupt_data", position, text)

@@ -15,6 +15,7 @@ from hrclog.log.journal import PARTIAL_SUFFIX
 from hrclog.log.records import Problem
 from hrclog.log.streamed import read_streamed
 from hrclog.log.writer import FinishedWriter, write_atomically
+from hrclog.wording import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +50,14 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
     with _locked(source) as data:
         contents = read_streamed(data)
         if contents.header is None and not contents.batches:
-            found = f"a file of {len(data)} bytes without an MCAP header"
+            found = f"a file of {counted(len(data), 'byte')} without an MCAP header"
             raise LogReadError(source, found, "a journal with events", "0 events can be recovered; delete it")
         is_journal = source.name.endswith(PARTIAL_SUFFIX)
         n_messages = sum(len(batch.start) for batch in contents.batches)
         if not is_journal and not contents.problems and contents.finished:
             return Recovered(source, source, n_messages, [])
         if not is_journal and not n_messages:
-            found = f"a damaged log of {len(data)} bytes without a readable message"
+            found = f"a damaged log of {counted(len(data), 'byte')} without a readable message"
             raise LogReadError(source, found, "at least one message", "nothing can be recovered from it")
         if exists(target):
             _check_same(target, source, contents)

@@ -10,6 +10,7 @@ from mcap.opcode import Opcode
 
 from hrclog.log.contents import Batch, Contents
 from hrclog.log.records import MAGIC, Problem, Record, Span, Walk, expand, next_chunk, record_at
+from hrclog.wording import counted
 
 _MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _BATCH_SPAN: Final = 1 << 28  # bytes; far below what the 32-bit offsets of Arrow's string views reach
@@ -101,7 +102,8 @@ def _begin(data: bytes, problems: list[Problem]) -> int | None:
     if chunk is None:
         problems.append(Problem("no_header", 0, "the file ends before its MCAP header: 0 events"))
         return None
-    problems.append(Problem("corrupt_data", 0, f"the first {chunk} bytes are no MCAP header and were skipped"))
+    skipped = counted(chunk, "byte is no MCAP header and was", "bytes are no MCAP header and were")
+    problems.append(Problem("corrupt_data", 0, f"the first {skipped} skipped"))
     return chunk
 
 

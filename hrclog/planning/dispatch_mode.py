@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise, zip_longest
+from typing import Final
 
 from hrclog.errors import ScenarioError
 from hrclog.planning.dispatch_rule import Rules
@@ -27,6 +28,13 @@ class DispatchMode(StrEnum):
     SYNCHRONOUS = "synchronous"
     ASYNCHRONOUS = "asynchronous"
     REACTIVE = "reactive"
+
+
+Queues = Mapping[str, tuple[PlanItem, ...]]
+"""The items of each agent, in its order."""
+
+Resources = Mapping[str, tuple[str, ...]]
+"""What items use, by item id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +59,7 @@ def schedule_of(plan: Plan, mode: DispatchMode, problem: Problem) -> Schedule:
     """
     queues = {agent: plan.queue(agent) for agent in plan.agents()}
     resources = _resources(plan, problem)
-    match mode:
-        case DispatchMode.SYNCHRONOUS:
-            schedule = Schedule(queues, Rules(over_first=_barriers(queues), resources=resources))
-        case DispatchMode.ASYNCHRONOUS:
-            _check_meetings(plan, resources)
-            schedule = _with_meetings(queues, resources)
-        case DispatchMode.REACTIVE:
-            follows = _follows(queues, problem)
-            schedule = Schedule(queues, Rules(follows=follows, resources=resources, free_order=True))
-        case _:
-            schedule = Schedule(queues, Rules(resources=resources))
+    schedule = MODES[mode].schedule(plan, problem, queues, resources)
     _check_waits(plan, mode, schedule)
     return schedule
 
@@ -146,3 +144,70 @@ def _check_waits(plan: Plan, mode: DispatchMode, schedule: Schedule) -> None:
             f"plan {plan.name!r}: in mode {mode} the items {circle} wait for each other in a circle; "
             "change the order of an agent, its labels, or the mode"
         ) from error
+
+
+def _in_order(_plan: Plan, _problem: Problem, queues: Queues, resources: Resources) -> Schedule:
+    return Schedule(queues, Rules(resources=resources))
+
+
+def _in_rows(_plan: Plan, _problem: Problem, queues: Queues, resources: Resources) -> Schedule:
+    return Schedule(queues, Rules(over_first=_barriers(queues), resources=resources))
+
+
+def _with_rendezvous(plan: Plan, _problem: Problem, queues: Queues, resources: Resources) -> Schedule:
+    _check_meetings(plan, resources)
+    return _with_meetings(queues, resources)
+
+
+def _as_ready(_plan: Plan, problem: Problem, queues: Queues, resources: Resources) -> Schedule:
+    return Schedule(queues, Rules(follows=_follows(queues, problem), resources=resources, free_order=True))
+
+
+@dataclass(frozen=True, slots=True)
+class ModeRecord:
+    """A way to hand a plan out.
+
+    Attributes:
+        mode: its name.
+        summary: when an agent's next item starts.
+        schedule: makes queues and rules of a plan.
+        timed: whether items wait for their planned start.
+        predictable: whether the order in which items are done is known before the run, so that a plan can be judged.
+    """
+
+    mode: DispatchMode
+    summary: str
+    schedule: Callable[[Plan, Problem, Queues, Resources], Schedule]
+    timed: bool = False
+    predictable: bool = True
+
+
+MODES: Final[Mapping[str, ModeRecord]] = {
+    str(record.mode): record
+    for record in (
+        ModeRecord(
+            DispatchMode.SEQUENTIAL,
+            "as soon as the agent is free and everything in `after` has succeeded",
+            _in_order,
+        ),
+        ModeRecord(DispatchMode.TIMED, "and not before its `planned_start_s`", _in_order, timed=True),
+        ModeRecord(
+            DispatchMode.SYNCHRONOUS,
+            "when all k-th items are over, whatever their outcome, all agents begin their (k+1)-th",
+            _in_rows,
+        ),
+        ModeRecord(
+            DispatchMode.ASYNCHRONOUS,
+            "as in `sequential`; those who `meet` wait until all of them have got there. If one cannot come, all are "
+            "skipped",
+            _with_rendezvous,
+        ),
+        ModeRecord(
+            DispatchMode.REACTIVE,
+            "the first item of its queue that is ready, rather than strictly the next",
+            _as_ready,
+            predictable=False,
+        ),
+    )
+}
+"""By name; the first is the default."""

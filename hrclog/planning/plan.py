@@ -13,13 +13,22 @@ from hrclog.json_record import JsonRecord, read_json
 from hrclog.log.files import replace_atomically
 from hrclog.planning.order import Ledger, possible_sequence
 from hrclog.planning.problem import Precedence, PrecedenceKind, Problem
+from hrclog.planning.provenance import (
+    FORECAST_FIELDS,
+    PROBLEM_FIELDS,
+    Expected,
+    MadeFor,
+    expected_from_json,
+    made_for_from_json,
+)
+from hrclog.wording import counted
 
 Orders = dict[str, tuple[str, ...]]
 """The tasks of each agent, in its order."""
 
-SCHEMA_VERSION: Final = 1
+PLAN_VERSION: Final = 1
 
-_PLAN_FIELDS: Final = ("schema_version", "name", "items", "arrivals")
+_PLAN_FIELDS: Final = ("schema_version", "name", "problem", "expected", "items", "arrivals")
 _ITEM_FIELDS: Final = (
     *("item_id", "agent", "task", "after", "planned_start_s", "planned_end_s"),
     *("meet", "needs", "timeout_s"),
@@ -61,6 +70,8 @@ class Plan:
     name: str
     items: tuple[PlanItem, ...]
     arrivals: tuple[Arrival, ...] = ()
+    problem: MadeFor | None = None
+    expected: Expected | None = None
 
     def agents(self) -> tuple[str, ...]:
         """Return the agents that have work, in order of their first item."""
@@ -76,8 +87,13 @@ class Plan:
 
     def to_json(self) -> dict[str, Any]:
         """Return the plan as JSON values, the inverse of `plan_from_json`."""
+        origin = {"problem": self.problem, "expected": self.expected}
+        return self.work_json() | {name: value.to_json() for name, value in origin.items() if value}
+
+    def work_json(self) -> dict[str, Any]:
+        """Return what is to be done as JSON values: the plan without where it comes from."""
         values: dict[str, Any] = {
-            "schema_version": SCHEMA_VERSION,
+            "schema_version": PLAN_VERSION,
             "name": self.name,
             "items": [_item_json(item) for item in self.items],
         }
@@ -195,9 +211,9 @@ def plan_from_json(record: JsonRecord) -> Plan:
     Raises:
         ScenarioError: a field is missing or wrong, ids are not unique, or items wait for each other in a circle.
     """
-    version = record.integer("schema_version", SCHEMA_VERSION)
-    if version > SCHEMA_VERSION:
-        raise record.error("schema_version", f"at most {SCHEMA_VERSION} (a newer hrclog wrote it)")
+    version = record.integer("schema_version", PLAN_VERSION)
+    if version > PLAN_VERSION:
+        raise record.error("schema_version", f"at most {PLAN_VERSION} (a newer hrclog wrote it)")
     items = tuple(_item_from_json(entry) for entry in record.records("items", _ITEM_FIELDS))
     seen: set[str] = set()
     for index, item in enumerate(items):
@@ -212,6 +228,8 @@ def plan_from_json(record: JsonRecord) -> Plan:
         record.text("name", "plan"),
         items,
         tuple(Arrival(entry.text("fact"), entry.number("at_s")) for entry in arrivals),
+        made_for_from_json(record.record("problem", PROBLEM_FIELDS)) if "problem" in record else None,
+        expected_from_json(record.record("expected", FORECAST_FIELDS)) if "expected" in record else None,
     )
 
 
@@ -292,12 +310,12 @@ def _check_counts(problem: Problem, orders: Mapping[str, Sequence[str]], name: s
         expected = problem.total(task)
         if found != expected and not problem.is_extra(task):
             raise ScenarioError(
-                f"plan {name!r}: {task!r} is done {found} times, expected {expected}; add or remove some"
+                f"plan {name!r}: {task!r} is done {counted(found, 'time')}, expected {expected}; add or remove some"
             )
     for count in problem.counts:
         found = list(orders.get(count.agent, ())).count(count.task)
         if count.agent and found < count.count:
-            text = f"{count.agent!r} does {count.task!r} {found} times, expected {count.count}"
+            text = f"{count.agent!r} does {count.task!r} {counted(found, 'time')}, expected {count.count}"
             raise ScenarioError(f"plan {name!r}: {text}; add or remove some")
 
 

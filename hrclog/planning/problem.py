@@ -5,16 +5,18 @@ A problem says nothing about order or time; a plan (`hrclog.planning.plan`) does
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, Final
 
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
-from hrclog.json_record import JsonRecord
+from hrclog.json_record import JsonRecord, check_all
+from hrclog.wording import counted
 
 LONGEST_S: Final = 1e7
 """Four months: what is longer is no task of a run."""
@@ -99,12 +101,8 @@ class Problem:
     precedences: tuple[Precedence, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_names(self)
-        _check_counts(self)
-        _check_precedences(self)
-        _check_cycles(self)
-        _check_units(self)
-        _check_dues(self)
+        check_all(_checks(self))
+        check_all([partial(_check_units, self), partial(_check_dues, self)])  # these ask for all the others
 
     def task(self, name: str) -> Task:
         """Return a task by name.
@@ -160,25 +158,55 @@ _TASK_FIELDS: Final = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class ProblemParts:
+    """What a file says of a problem, before its parts are checked against each other."""
+
+    where: str
+    agents: tuple[str, ...]
+    tasks: tuple[Task, ...]
+    counts: tuple[Count, ...]
+    precedences: tuple[Precedence, ...]
+
+    def problem(self) -> Problem:
+        """Return the problem.
+
+        Raises:
+            ScenarioError: the parts contradict each other.
+        """
+        try:
+            return Problem(self.agents, self.tasks, self.counts, self.precedences)
+        except ScenarioError as error:
+            raise error.at(self.where) from error
+
+
 def problem_from_json(record: JsonRecord) -> Problem:
     """Return the problem of a JSON object with the fields of `PROBLEM_FIELDS`.
 
     Raises:
         ScenarioError: a field is missing or wrong, or the parts contradict each other.
     """
-    tasks = [_task_from_json(entry) for entry in record.records("tasks", _TASK_FIELDS)]
-    counts = [
-        Count(entry.text("task"), entry.integer("count"), entry.text("agent", ""))
-        for entry in record.records("counts", ("task", "agent", "count"))
-    ]
-    precedences = [
-        Precedence(entry.text("before"), entry.text("after"), _kind(entry))
-        for entry in record.records("precedences", ("before", "after", "kind"), required=False)
-    ]
-    try:
-        return Problem(record.texts("agents"), tuple(tasks), tuple(counts), tuple(precedences))
-    except ScenarioError as error:
-        raise ScenarioError(f"{record.where}: {error}") from error
+    parts = read_problem(record)
+    record.check()
+    return parts.problem()
+
+
+def read_problem(record: JsonRecord) -> ProblemParts:
+    """Return what a JSON object with the fields of `PROBLEM_FIELDS` says of a problem.
+
+    Raises:
+        ScenarioError: a field is missing or wrong, where the record does not collect problems.
+    """
+    tasks = record.parts(record.records("tasks", _TASK_FIELDS), _task_from_json)
+    counts = record.parts(
+        record.records("counts", ("task", "agent", "count")),
+        lambda entry: Count(entry.text("task"), entry.integer("count"), entry.text("agent", "")),
+    )
+    precedences = record.parts(
+        record.records("precedences", ("before", "after", "kind"), required=False),
+        lambda entry: Precedence(entry.text("before"), entry.text("after"), _kind(entry)),
+    )
+    return ProblemParts(record.where, record.texts("agents"), tasks, counts, precedences)
 
 
 def _task_json(task: Task) -> dict[str, Any]:
@@ -220,10 +248,11 @@ def _expected_s(entry: JsonRecord, agents: Iterable[str]) -> dict[str, float]:
     """Return the declared durations by agent; a single number holds for all of them."""
     if "expected_s" not in entry:
         return {}
+    strict = entry.strict()
     with suppress(ScenarioError):
-        return dict.fromkeys(agents, entry.positive("expected_s"))
+        return dict.fromkeys(agents, strict.positive("expected_s"))
     try:
-        names = entry.names("expected_s")
+        names = strict.names("expected_s")
     except ScenarioError as error:
         raise entry.error("expected_s", "a number above 0, or an object with one for each agent") from error
     by_agent = entry.record("expected_s", names)
@@ -258,17 +287,33 @@ def _unit_agents(problem: Problem, chain: tuple[str, ...], agent: str) -> tuple[
     return tuple(a for a in problem.agents if all(a in domain for domain in domains))
 
 
-def _check_names(problem: Problem) -> None:
-    _unique("agent", problem.agents)
-    _unique("task", [task.name for task in problem.tasks])
+def _checks(problem: Problem) -> Iterator[Callable[[], object]]:
+    """Yield checks that depend on no other."""
+    yield partial(_unique, "agent", problem.agents)
+    yield partial(_unique, "task", [task.name for task in problem.tasks])
     for task in problem.tasks:
-        if not task.agents:
-            raise ScenarioError(f"task {task.name!r}: no agent can do it; name at least one in its agents")
-        for agent in task.agents:
-            _known_agent(problem, agent, f"task {task.name!r}")
-        _unique(f"task {task.name!r}: target", task.targets)
-        _unique(f"task {task.name!r}: resource", task.resources)
-        _check_times(task)
+        yield partial(_check_task, problem, task)
+    yield partial(_check_counted, problem)
+    for count in problem.counts:
+        yield partial(_check_count, problem, count)
+    for task in problem.tasks:
+        yield partial(_check_targets, problem, task)
+    for precedence in problem.precedences:
+        yield partial(_check_precedence, problem, precedence)
+    nexts = [p for p in problem.precedences if p.kind is PrecedenceKind.NEXT]
+    yield partial(_unique, "tasks that come next after", [p.before for p in nexts])
+    yield partial(_unique, "tasks that come right before", [p.after for p in nexts])
+    yield partial(_check_cycles, problem)
+
+
+def _check_task(problem: Problem, task: Task) -> None:
+    if not task.agents:
+        raise ScenarioError(f"task {task.name!r}: no agent can do it; name at least one in its agents")
+    for agent in task.agents:
+        _known_agent(problem, agent, f"task {task.name!r}")
+    _unique(f"task {task.name!r}: target", task.targets)
+    _unique(f"task {task.name!r}: resource", task.resources)
+    _check_times(task)
 
 
 def _check_times(task: Task) -> None:
@@ -302,41 +347,39 @@ def _known_agent(problem: Problem, agent: str, where: str) -> None:
         raise ScenarioError(f"{where}: agent {agent!r} is unknown; the agents are {known}")
 
 
-def _check_counts(problem: Problem) -> None:
+def _check_counted(problem: Problem) -> None:
     if not sum(count.count for count in problem.counts):
         raise ScenarioError("counts: nothing is to be done; give at least one task a count above 0")
     _unique("count of", [f"{count.task} by {count.agent or 'any agent'}" for count in problem.counts])
-    for count in problem.counts:
-        task = problem.task(count.task)
-        if count.count < 0:
-            raise ScenarioError(f"count of {count.task!r}: found {count.count}, expected 0 or more")
-        if count.count > MOST_TIMES:
-            raise ScenarioError(
-                f"count of {count.task!r}: found {count.count}, expected at most {MOST_TIMES:,} in a run"
-            )
-        if count.agent:
-            _known_agent(problem, count.agent, f"count of {count.task!r}")
-            if count.agent not in task.agents:
-                domain = ", ".join(task.agents)
-                raise ScenarioError(f"count of {count.task!r}: {count.agent!r} cannot do it, only {domain} can")
-    for task in problem.tasks:
-        if task.targets and problem.total(task.name) > len(task.targets):
-            found = f"{problem.total(task.name)} executions for {len(task.targets)} targets"
-            raise ScenarioError(f"task {task.name!r}: {found}; lower its counts or add targets")
 
 
-def _check_precedences(problem: Problem) -> None:
-    for p in problem.precedences:
-        problem.task(p.before)
-        problem.task(p.after)
-        if p.kind is PrecedenceKind.NEXT:
-            _check_next(problem, p)
-        elif p.kind is PrecedenceKind.EACH and problem.total(p.before) < problem.total(p.after):
-            found = f"{problem.total(p.before)} and {problem.total(p.after)}"
-            raise ScenarioError(f"{_name(p)}: each waits for one of its own, so at least as many before; found {found}")
-    nexts = [p for p in problem.precedences if p.kind is PrecedenceKind.NEXT]
-    _unique("tasks that come next after", [p.before for p in nexts])
-    _unique("tasks that come right before", [p.after for p in nexts])
+def _check_count(problem: Problem, count: Count) -> None:
+    task = problem.task(count.task)
+    if count.count < 0:
+        raise ScenarioError(f"count of {count.task!r}: found {count.count}, expected 0 or more")
+    if count.count > MOST_TIMES:
+        raise ScenarioError(f"count of {count.task!r}: found {count.count}, expected at most {MOST_TIMES:,} in a run")
+    if count.agent:
+        _known_agent(problem, count.agent, f"count of {count.task!r}")
+        if task.agents and count.agent not in task.agents:
+            domain = ", ".join(task.agents)
+            raise ScenarioError(f"count of {count.task!r}: {count.agent!r} cannot do it, only {domain} can")
+
+
+def _check_targets(problem: Problem, task: Task) -> None:
+    if task.targets and problem.total(task.name) > len(task.targets):
+        found = f"{counted(problem.total(task.name), 'execution')} for {counted(len(task.targets), 'target')}"
+        raise ScenarioError(f"task {task.name!r}: {found}; lower its counts or add targets")
+
+
+def _check_precedence(problem: Problem, p: Precedence) -> None:
+    problem.task(p.before)
+    problem.task(p.after)
+    if p.kind is PrecedenceKind.NEXT:
+        _check_next(problem, p)
+    elif p.kind is PrecedenceKind.EACH and problem.total(p.before) < problem.total(p.after):
+        found = f"{problem.total(p.before)} and {problem.total(p.after)}"
+        raise ScenarioError(f"{_name(p)}: each waits for one of its own, so at least as many before; found {found}")
 
 
 def _check_next(problem: Problem, p: Precedence) -> None:

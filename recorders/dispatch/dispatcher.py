@@ -10,14 +10,13 @@ from functools import partial
 from hrclog.errors import HrclogError, LogWriteError
 from hrclog.events import AnnotationAdded, Event, Outcome, PlanChanged, Role, TaskEnded
 from hrclog.ids import new_id as new_uuid
-from hrclog.planning.dispatch_mode import DispatchMode, Schedule, schedule_of
+from hrclog.planning.dispatch_mode import MODES, DispatchMode, Schedule, schedule_of
 from hrclog.planning.dispatch_rule import Decision, Verdict, decide
 from hrclog.planning.plan import Plan, PlanItem
-from hrclog.planning.problem import Problem
-from hrclog.planning.run_state import Replan
 from hrclog.recorders.clock import Action, Clock
-from hrclog.recorders.dispatch.policy import DispatchPolicy, OnFailure, ReplanOn
+from hrclog.recorders.dispatch.policy import OnFailure, ReplanOn
 from hrclog.recorders.dispatch.replanning import Replanner
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.dispatch.task_manager import AFTER_ALL, TaskManager
 from hrclog.recorders.executors.protocol import Command, Emit, Executor
 from hrclog.units import NS_PER_S
@@ -31,16 +30,13 @@ class Dispatcher:
     Everything happens on the clock's thread; `arrive` and `abort` may be called from any.
 
     Args:
-        plan: what to carry out.
-        problem: tasks, agents and precedences.
+        setup: plan, problem, policy, and who is asked for another plan.
         executors: by agent; they are connected here.
         clock: simulated or real; the plan's seconds count from where it stands now.
-        policy: mode, retries, limits.
         run_id: the run.
         emit: takes every event, those of the executors too; it numbers them.
         new_id: makes command and execution ids.
         on_done: called once, when nothing is left to do.
-        replan: asked for another plan when the policy's `replan_on` says so; None: nobody is asked.
 
     Raises:
         ScenarioError: in this mode the plan's items wait for each other in a circle.
@@ -48,18 +44,16 @@ class Dispatcher:
 
     def __init__(
         self,
-        plan: Plan,
-        problem: Problem,
+        setup: RunSetup,
         executors: Mapping[str, Executor],
         clock: Clock,
-        policy: DispatchPolicy,
         *,
         run_id: str,
         emit: Emit,
         new_id: Callable[[], str] = new_uuid,
         on_done: Action = lambda: None,
-        replan: Replan | None = None,
     ) -> None:
+        plan, problem, policy = setup.plan, setup.problem, setup.policy
         self.outcomes: dict[str, str] = {}
         """Final outcome of every item that is over, also of those that only a former plan had."""
         self.stuck: tuple[PlanItem, ...] = ()
@@ -88,7 +82,7 @@ class Dispatcher:
         self._n_steps = 0
         self._stepping = False
         self._n_asking = 0  # questions for another plan that wait for their turn: nothing new is begun till then
-        self._replanner = Replanner(replan, plan, problem, policy, clock, self._ask)
+        self._replanner = Replanner(setup.replan, plan, problem, policy, clock, self._ask)
         self._manager = TaskManager(problem, executors, clock, policy, self._tell, self._close)
 
     def run(self) -> None:
@@ -183,7 +177,7 @@ class Dispatcher:
         return False
 
     def _decide(self, agent: str) -> Decision:
-        timed = self._policy.mode == DispatchMode.TIMED
+        timed = MODES[self._policy.mode].timed
         return decide(
             self._schedule.queues[agent],
             self.outcomes,

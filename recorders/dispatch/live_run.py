@@ -9,34 +9,25 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from hrclog._version import __version__
 from hrclog.events import Event
-from hrclog.planning.dispatch_mode import DispatchMode, schedule_of
-from hrclog.planning.plan import Plan, check_plan
-from hrclog.planning.problem import Problem
-from hrclog.planning.run_state import Replan
 from hrclog.recorders.clock import Action
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
-from hrclog.recorders.dispatch.policy import DispatchPolicy
 from hrclog.recorders.dispatch.real_time import RealTimeLoop
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.protocol import Emit, Executor
 from hrclog.recorders.recorder import Recorder
 
 
 def run_live(
     path: str | Path,
-    plan: Plan,
-    problem: Problem,
+    setup: RunSetup,
     executors: Mapping[str, Executor],
     loop: RealTimeLoop,
-    policy: DispatchPolicy | None = None,
     *,
     run: str = "",
-    seed: int | None = None,
     on_event: Emit = lambda _: None,
     on_start: Action = lambda: None,
     on_ready: Callable[[Dispatcher], None] = lambda _: None,
-    replan: Replan | None = None,
 ) -> tuple[str, str]:
     """Carry a plan out, record everything, and return the outcome of the run and why.
 
@@ -44,43 +35,27 @@ def run_live(
 
     Args:
         path: the log to be, `NAME.mcap`.
-        plan: what to do.
-        problem: the tasks there are; the plan is checked against it before anything is written.
+        setup: what the run is made of; it is checked before anything is written. Another plan is asked for in the
+            loop's thread: nothing is handed out meanwhile.
         executors: by agent.
         loop: the clock that the executors were made with.
-        policy: mode, retries, limits; default all defaults.
         run: name of the run; default the file's.
-        seed: of whatever is random in the executors.
         on_event: told of every event once it is safe.
         on_start: called when the run has begun, before the first command.
         on_ready: given the dispatcher before it begins, to tell it of facts (`arrive`) and to `abort` it.
-        replan: asked for another plan when the policy says so, in the loop's thread: nothing is handed out meanwhile.
 
     Raises:
         ScenarioError: the plan does not solve the problem, or cannot be carried out in this mode.
         LogExistsError: a log or journal is there already.
         LogWriteError: the log cannot be written.
     """
-    policy = policy or DispatchPolicy()
-    check_plan(problem, plan)
-    schedule_of(plan, DispatchMode(policy.mode), problem)
-    facts = {"plan": plan.to_json(), "task_properties": problem.to_json()["tasks"], "seed": seed}
-    with Recorder(
-        path,
-        run,
-        agents=problem.agents,
-        dispatch_mode=str(policy.mode),
-        software={"hrclog": __version__},
-        clock_ns=lambda: loop.now_ns,
-        **facts,
-    ) as recorder:
+    setup.check()
+    with Recorder(path, run, clock_ns=lambda: loop.now_ns, **setup.facts()) as recorder:
 
         def write(event: Event) -> None:
             on_event(recorder.record(event))
 
-        dispatcher = Dispatcher(
-            plan, problem, executors, loop, policy, run_id=recorder.run_id, emit=write, replan=replan
-        )
+        dispatcher = Dispatcher(setup, executors, loop, run_id=recorder.run_id, emit=write)
         on_start()
         on_ready(dispatcher)
         with _on_interrupt(partial(dispatcher.abort, "interrupted")):

@@ -17,7 +17,7 @@ from hrclog.recorders.executors.player import Course, Player
 from hrclog.recorders.executors.protocol import Command, Emit, rejection
 from hrclog.units import NS_PER_S
 
-SCHEMA_VERSION: Final = 1
+SCRIPT_VERSION: Final = 1
 
 _STEP_FIELDS: Final = ("agent", "task", "delay_s", "duration_s", "outcome", "reason", "misbehaviour")
 
@@ -114,9 +114,9 @@ def read_script(path: Path) -> list[ScriptStep]:
         ScenarioError: the file cannot be read, or is no script.
     """
     record = JsonRecord(read_json(path, "a script"), str(path), ("schema_version", "steps"))
-    version = record.integer("schema_version", SCHEMA_VERSION)
-    if version > SCHEMA_VERSION:
-        raise record.error("schema_version", f"at most {SCHEMA_VERSION} (a newer hrclog wrote it)")
+    version = record.integer("schema_version", SCRIPT_VERSION)
+    if version > SCRIPT_VERSION:
+        raise record.error("schema_version", f"at most {SCRIPT_VERSION} (a newer hrclog wrote it)")
     steps = [_step(entry) for entry in record.records("steps", _STEP_FIELDS)]
     if not steps:
         raise ScenarioError(f"{path}: found no steps, expected at least one; add it")

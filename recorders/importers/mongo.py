@@ -19,6 +19,7 @@ from hrclog.recorders.importers.gaps import gap_report
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer, Option, Remark
 from hrclog.recorders.importers.mongo_dump import document_id, finite_number, read_task_results
 from hrclog.recorders.importers.writing import exact_ns, import_files
+from hrclog.wording import agree, counted
 
 SOURCE: Final = "mongo"
 
@@ -53,7 +54,8 @@ class Mongo(Importer):
             return Remark(values={"gaps": None})
         gaps = gap_report(imported.runs)
         missing, attempts = sum(gap.n_missing for gap in gaps), sum(gap.n_attempts for gap in gaps)
-        text = f"{missing} of {attempts} attempts are missing from the numbering (deleted upstream, probably failed):"
+        which = f"{missing:,} of {counted(attempts, 'attempt')} {agree(missing, 'is', 'are')} missing"
+        text = f"{which} from the numbering (deleted upstream, probably failed):"
         rows = tuple((gap.prefix, str(gap.n_missing), str(gap.n_attempts)) for gap in gaps)
         values = [{"prefix": gap.prefix, "n_attempts": gap.n_attempts, "n_missing": gap.n_missing} for gap in gaps]
         return Remark(text, ("planner", "missing", "attempts"), rows, {"gaps": values})

@@ -18,6 +18,7 @@ from hrclog.log.reader import read_log
 from hrclog.log.writer import write_log
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer
 from hrclog.units import NS_PER_S
+from hrclog.wording import counted
 
 _LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a suffix while it is written
 
@@ -96,7 +97,8 @@ def _check_unchanged(path: Path, events: Sequence[Event]) -> None:
         raise ImportDataError(path, found, expected, "use an empty folder")
     remedy = "the source has changed since: import into an empty folder"
     if existing.height != len(events):
-        raise ImportDataError(path, f"a log of {existing.height} events", f"{len(events)} events of this run", remedy)
+        there, wanted = counted(existing.height, "event"), counted(len(events), "event")
+        raise ImportDataError(path, f"a log of {there}", f"{wanted} of this run", remedy)
     imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
     for seq, (old, new) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
         if old != new:

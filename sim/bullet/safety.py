@@ -6,7 +6,7 @@ Each policy returns a speed scale in [0, 1]; `Override` is what the robot makes 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -65,13 +65,9 @@ FREE: Final = Limit(1.0)
 
 def make_policy(name: str, settings: SafetySettings) -> tuple[Policy, Slew, float]:
     """Return a policy by its name, its slew, and the deceleration (m/s^2) of its brakes."""
-    if name == AREAS:
-        return areas_policy(settings.areas), settings.areas.slew, settings.areas.deceleration
-    if name == DISTANCE:
-        return distance_policy(settings.distance), settings.distance.slew, settings.distance.deceleration
-    if name == SSM:
-        return ssm_policy(settings.ssm), settings.ssm.slew, max(settings.ssm.brakes, settings.ssm.deceleration)
-    raise KeyError(name)
+    make = _MAKERS[name]
+    own = getattr(settings, name)
+    return make(own), own.slew, own.braking
 
 
 def areas_policy(settings: AreasSettings) -> Policy:
@@ -166,3 +162,11 @@ class Override:
             rate = min(brakes, self._slew.rise_per_s or math.inf)
             self.scale = min(limit, self.scale + rate * dt_s)
         return self.scale
+
+
+_MAKERS: Final[Mapping[str, Callable[..., Policy]]] = {
+    AREAS: areas_policy,
+    DISTANCE: distance_policy,
+    SSM: ssm_policy,
+}
+"""What makes a policy of its settings, by the names of `POLICIES`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from hrclog.errors import ScenarioError
@@ -56,31 +56,57 @@ def lognormal_from_json(entry: JsonRecord) -> Lognormal:
     return Lognormal(entry.positive("median_s"), entry.number("sigma", most=5.0))
 
 
-def cell_from_json(record: JsonRecord) -> Cell:
-    """Return the cell of a JSON object with the fields of `CELL_FIELDS`.
+@dataclass(frozen=True, slots=True)
+class CellParts:
+    """What a file says of a cell, before its parts are checked against each other."""
+
+    where: str
+    fields: Mapping[str, Any]
+
+    def cell(self, file: str = "") -> Cell:
+        """Return the cell.
+
+        Args:
+            file: whose name stands before errors.
+
+        Raises:
+            ScenarioError: the parts contradict each other.
+        """
+        try:
+            cell = Cell(**self.fields)
+        except ScenarioError as error:
+            raise (error.at(file) if file else error) from None
+        _check_scene(cell, self.where)
+        return cell
+
+
+def read_cell(record: JsonRecord) -> CellParts:
+    """Return what a JSON object with the fields of `CELL_FIELDS` says of a cell.
 
     Raises:
-        ScenarioError: a field is missing, unknown, wrong or contradicts another.
+        ScenarioError: a field is missing, unknown or wrong, where the record does not collect problems.
     """
-    cell = Cell(
-        robot=_robot(record.record("robot", _ROBOT_FIELDS)),
-        human=_human(record.record("human", _HUMAN_FIELDS)),
-        objects=tuple(box for entry in record.records("objects", _GROUP_FIELDS) for box in _objects(entry)),
-        fixtures=tuple(_fixture(entry) for entry in record.records("fixtures", _BOX_FIELDS, required=False)),
-        slots=tuple(slot for entry in record.records("slots", _SLOT_FIELDS) for slot in _slots(entry)),
-        stands=tuple(_stand(entry) for entry in record.records("stands", ("group", "offset"))),
-        skills=tuple(_skill(entry) for entry in record.records("skills", _SKILL_FIELDS)),
-        safety=_safety(record),
-        faults=tuple(
-            Fault(entry.text("agent"), entry.text("task"), entry.number("probability", most=1.0), entry.text("reason"))
-            for entry in record.records("faults", ("agent", "task", "probability", "reason"), required=False)
-        ),
-        protective_stop=_protective_stop(record),
-        longest_s=record.number("longest_s", 900.0, least=1.0),
-        signals_hz=record.number("signals_hz", LOOKS_HZ, most=LOOKS_HZ),
-    )
-    _check_scene(cell, record.where)
-    return cell
+    boxes = record.parts(record.records("objects", _GROUP_FIELDS), _objects)
+    slots = record.parts(record.records("slots", _SLOT_FIELDS), _slots)
+    fields = {
+        "robot": record.noted(lambda: _robot(record.record("robot", _ROBOT_FIELDS))),
+        "human": record.noted(lambda: _human(record.record("human", _HUMAN_FIELDS))),
+        "objects": tuple(box for group in boxes for box in group),
+        "fixtures": record.parts(record.records("fixtures", _BOX_FIELDS, required=False), _fixture),
+        "slots": tuple(slot for group in slots for slot in group),
+        "stands": record.parts(record.records("stands", ("group", "offset")), _stand),
+        "skills": record.parts(record.records("skills", _SKILL_FIELDS), _skill),
+        "safety": record.noted(lambda: _safety(record)),
+        "faults": record.parts(record.records("faults", _FAULT_FIELDS, required=False), _fault),
+        "protective_stop": record.noted(lambda: _protective_stop(record)),
+        "longest_s": record.number("longest_s", 900.0, least=1.0),
+        "signals_hz": record.number("signals_hz", LOOKS_HZ, most=LOOKS_HZ),
+    }
+    return CellParts(record.where, fields)
+
+
+def _fault(entry: JsonRecord) -> Fault:
+    return Fault(entry.text("agent"), entry.text("task"), entry.number("probability", most=1.0), entry.text("reason"))
 
 
 def _check_scene(cell: Cell, where: str) -> None:
@@ -107,6 +133,7 @@ _HUMAN_FIELDS = (
 _BOX_FIELDS = ("name", "size", "position", "color")
 _GROUP_FIELDS = ("group", "size", "color", "positions")
 _SLOT_FIELDS = ("group", "positions")
+_FAULT_FIELDS = ("agent", "task", "probability", "reason")
 _SKILL_FIELDS = ("agent", "task", "skill", "objects", "slots", "pose", "steps")
 _POLICY_FIELDS = {
     "areas": ("areas", "fall_per_s", "rise_per_s", "deceleration"),
@@ -198,7 +225,7 @@ def _skill(entry: JsonRecord) -> Skill:
 
 def _safety(record: JsonRecord) -> SafetySettings:
     entry = record.record("safety", ("policy", *POLICIES))
-    parts: dict[str, Any] = {"policy": _choice(entry, "policy", POLICIES)}
+    parts: dict[str, Any] = {"policy": _choice(entry, "policy", tuple(POLICIES))}
     if parts["policy"] == AREAS and AREAS not in entry:
         raise entry.error(AREAS, "the areas that the policy 'areas' goes by")
     for name in POLICIES:

@@ -8,7 +8,6 @@ from typing import Final
 AREAS: Final = "areas"
 DISTANCE: Final = "distance"
 SSM: Final = "ssm"
-POLICIES: Final = (AREAS, DISTANCE, SSM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +49,11 @@ class AreasSettings:
     slew: Slew = Slew()
     deceleration: float = 2.5
 
+    @property
+    def braking(self) -> float:
+        """Return the deceleration of the robot's brakes, m/s^2."""
+        return self.deceleration
+
 
 @dataclass(frozen=True, slots=True)
 class DistanceSettings:
@@ -58,6 +62,11 @@ class DistanceSettings:
     bands: tuple[Band, ...] = (Band(0.7, 0.0), Band(1.1, 0.5))
     slew: Slew = Slew()
     deceleration: float = 2.5
+
+    @property
+    def braking(self) -> float:
+        """Return the deceleration of the robot's brakes, m/s^2."""
+        return self.deceleration
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +83,11 @@ class SsmSettings:
     brakes: float = 2.5
     slew: Slew = Slew()
 
+    @property
+    def braking(self) -> float:
+        """Return the deceleration of the robot's brakes, m/s^2."""
+        return max(self.brakes, self.deceleration)
+
 
 @dataclass(frozen=True, slots=True)
 class SafetySettings:
@@ -83,3 +97,31 @@ class SafetySettings:
     areas: AreasSettings = AreasSettings()
     distance: DistanceSettings = DistanceSettings()
     ssm: SsmSettings = SsmSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyRecord:
+    """A safety policy: its settings are the field of its name in `SafetySettings`.
+
+    Attributes:
+        name: by which it is chosen.
+        summary: its rule.
+    """
+
+    name: str
+    summary: str
+
+
+POLICIES: Final = {
+    record.name: record
+    for record in (
+        PolicyRecord(AREAS, "rectangles of the floor; the smallest scale of all that hold a part of the human"),
+        PolicyRecord(DISTANCE, "bands of the smallest distance between human and robot"),
+        PolicyRecord(
+            SSM,
+            "speed and separation: scale = min over pairs of body parts of v_max(d) / speed towards the human; what "
+            "recedes is free",
+        ),
+    )
+}
+"""By name; the first is the default."""

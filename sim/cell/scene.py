@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from hrclog.scene import SCENE_VERSION
 from hrclog.sim.cell.description import Box, Cell
 from hrclog.sim.cell.safety_settings import AREAS
 
@@ -13,7 +14,7 @@ def scene_of(cell: Cell) -> Mapping[str, Any]:
     """Return what stands in a cell, with the areas if they are what guards the human."""
     areas = cell.safety.areas.areas if cell.safety.policy == AREAS else ()
     return {
-        "schema_version": 1,
+        "schema_version": SCENE_VERSION,
         "boxes": [_box(box) for box in cell.objects],
         "fixtures": [_box(box) for box in cell.fixtures],
         "areas": [

@@ -103,7 +103,7 @@ def test_a_side_without_logs_or_without_executions_is_one_sentence(
     write_log(tmp_path / "idle.mcap", [RunStarted(time_ns=1, run_id="r"), RunEnded(time_ns=2, run_id="r")])
     result = run(*fast(tmp_path, sides[0]))
     assert result.code == 1
-    assert "side A: found 1 runs without an execution" in result.err
+    assert "side A: found 1 run without an execution" in result.err
     assert len(result.err.splitlines()) == 1
 
 

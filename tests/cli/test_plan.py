@@ -368,14 +368,18 @@ def test_a_file_that_is_something_else_is_told_in_one_line(
         assert result.err.count("\n") == 1
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"agents": []}', '{"problem": 3}', '{"nonsense": 1}'])
-def test_what_is_no_problem_is_told_in_one_line(text: str, run: Run, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "problems"),
+    [("{", 1), ("[]", 1), ('{"agents": []}', 2), ('{"problem": 3}', 3), ('{"nonsense": 1}', 4)],
+)
+def test_all_that_is_wrong_with_a_problem_is_told_at_once(text: str, problems: int, run: Run, tmp_path: Path) -> None:
     path = tmp_path / "odd.json"
     path.write_text(text)
     result = run("plan", path)
     assert (result.code, result.out) == (1, "")
-    assert str(path) in result.err
-    assert result.err.count("\n") == 1
+    assert result.err.startswith(f"hrclog: error: {path}: ")
+    assert result.err.count("\n") == (1 if problems == 1 else 1 + problems)
+    assert result.err.count("Traceback") == 0
     assert run("plan", tmp_path / "nowhere").code == 1
     assert "the names are " in run("plan", "papre").err
 

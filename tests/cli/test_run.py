@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import polars as pl
 import pytest
 
 from hrclog.event_rows import from_row
@@ -19,7 +22,7 @@ from hrclog.events import Event, RunStarted, TaskEnded, TaskFact, TaskStarted
 from hrclog.log.reader import read_events
 from hrclog.planning.plan import read_plan, write_plan
 from hrclog.sim.run import plan_of
-from hrclog.sim.scenario import load_scenario
+from hrclog.sim.scenario import SCENARIO_FOLDER, load_scenario
 
 Run = Callable[..., Any]
 
@@ -75,7 +78,10 @@ def test_drawn_plans_as_json(run: Run, tmp_path: Path) -> None:
 def test_a_plan_is_carried_out_in_every_mode(mode: str, run: Run, plan: Path, tmp_path: Path) -> None:
     result = run("run", plan, "--mode", mode, "-o", tmp_path / "out.mcap")
     assert (result.code, result.err) == (0, "")
-    assert result.out == f"{read_plan(plan).name}: 24 of 24 items succeeded, log in {tmp_path}/out.mcap\n"
+    items, makespan, look = result.out.splitlines()
+    assert items == f"{read_plan(plan).name}: 24 of 24 items succeeded, log in {tmp_path}/out.mcap"
+    assert re.fullmatch(r"makespan \d+\.\d s; planned 87\.6 \(undisturbed\)", makespan)
+    assert look == f"Look at it: hrclog view {tmp_path}/out.mcap"
     first = logged(tmp_path / "out.mcap")[0]
     assert isinstance(first, RunStarted)
     assert (first.name, first.dispatch_mode, first.plan) == ("out", mode, read_plan(plan).to_json())
@@ -250,3 +256,126 @@ def test_facts_of_the_plan_file_arrive_in_the_run(run: Run, plan: Path, tmp_path
     result = run("run", plan, "-o", tmp_path / "never.mcap")
     assert result.code == 3
     assert "skipped: needs part_7, which never arrived" in result.err
+
+
+def test_a_plan_knows_its_problem(run: Run, tmp_path: Path) -> None:
+    assert run("plan", "failures", "--random", 1, "-o", tmp_path / "plans").code == 0
+    plan = tmp_path / "plans" / "plan-001.json"
+    named = json.loads(plan.read_text())["problem"]
+    assert named["name"] == "failures"
+    assert run("run", plan, "-o", tmp_path / "x.mcap").code in (0, 3)
+    [started] = [event for event in logged(tmp_path / "x.mcap") if isinstance(event, RunStarted)]
+    assert started.plan["problem"] == named
+    assert set(started.agents) == set(load_scenario("failures").problem.agents)
+
+
+def test_a_file_of_a_scenario_is_found_beside_its_plan(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = tmp_path / "cell.json"
+    cell.write_text((SCENARIO_FOLDER / "machine-tending.json").read_text())
+    monkeypatch.chdir(tmp_path)
+    assert run("plan", "cell.json", "--random", 1, "-o", ".").code == 0
+    monkeypatch.chdir("/")
+    assert run("run", tmp_path / "plan-001.json", "-o", tmp_path / "x.mcap").code == 0
+
+
+@pytest.mark.parametrize(
+    ("problem", "message"),
+    [
+        (None, "does not say which problem it was made for; name the scenario"),
+        ({"name": "gone.json", "digest": ""}, "made for 'gone.json', which is no scenario, and no file"),
+        ({"name": "paper", "digest": "0123456789abcdef"}, "the problem of 'paper' has changed since the plan was made"),
+    ],
+)
+def test_a_plan_whose_problem_is_gone_is_refused(
+    problem: object, message: str, run: Run, plan: Path, tmp_path: Path
+) -> None:
+    values = json.loads(plan.read_text()) | {"problem": problem}
+    if problem is None:
+        del values["problem"]
+    plan.write_text(json.dumps(values))
+    refused = run("run", plan, "-o", tmp_path / "x.mcap")
+    assert refused.code == 1
+    assert message in refused.err
+    assert "--scenario" in refused.err
+    assert not (tmp_path / "x.mcap").exists()
+    assert run("run", plan, "--scenario", "paper", "-o", tmp_path / "x.mcap").code == 0
+
+
+def test_a_problem_without_a_cell_cannot_be_simulated(run: Run, plan: Path, tmp_path: Path) -> None:
+    problem = tmp_path / "problem.json"
+    problem.write_text(json.dumps(PAPER.problem.to_json()))
+    values = json.loads(plan.read_text())
+    plan.write_text(json.dumps(values | {"problem": {"name": str(problem)}}))
+    refused = run("run", plan, "-o", tmp_path / "x.mcap")
+    assert refused.code == 1
+    assert "a problem that says nothing of how its agents act" in refused.err
+
+
+def test_what_a_plan_promised_is_printed_beside_the_makespan(run: Run, plan: Path, tmp_path: Path) -> None:
+    expected = {"mean_s": 80.0, "mean_low_s": 78.0, "mean_high_s": 82.0, "run_low_s": 70.5, "run_high_s": 90.0}
+    values = json.loads(plan.read_text()) | {"expected": expected | {"worlds": 400}}
+    plan.write_text(json.dumps(values))
+    lines = run("run", plan, "-o", tmp_path / "x.mcap").out.splitlines()
+    assert "makespan 96.4 s; expected 80.0 [70.5, 90.0] (90 % of 400 runs drawn)" in lines
+    document = run("run", plan, "-o", tmp_path / "y.mcap", "--json").json()
+    assert document["expected"] == expected | {"worlds": 400}
+    facts = read_events(tmp_path / "y.mcap").filter(pl.col("kind").is_in(["task_started", "task_ended"]))
+    assert document["makespan_s"] == (facts["time_ns"].max() - facts["time_ns"].min()) / 1e9
+
+
+def test_several_plans_and_repetitions_go_into_a_folder(run: Run, tmp_path: Path) -> None:
+    assert run("plan", "paper", "--random", 2, "-o", tmp_path / "plans").code == 0
+    plans, runs = sorted((tmp_path / "plans").iterdir()), tmp_path / "runs"
+    result = run("run", *plans, "--repeat", 3, "-o", runs)
+    assert result.code == 0
+    names = [f"plan-00{plan}_{number:04d}.mcap" for plan in (1, 2) for number in range(3)]
+    assert sorted(path.name for path in runs.iterdir()) == names
+    first, second, look = result.out.splitlines()
+    told = r"plan-001: 3 runs, mean makespan \d+\.\d s \[\d+\.\d, \d+\.\d\]; planned \d+\.\d \(undisturbed\)"
+    assert re.fullmatch(told, first)
+    assert second.startswith("plan-002: 3 runs")
+    assert look == f"Look at them: hrclog view {tmp_path}/runs"
+    ends = {tuple(e.time_ns - logged(path)[0].time_ns for e in logged(path)) for path in runs.iterdir()}
+    assert len(ends) == 6  # every repetition is another run
+    again = run("run", *plans, "--repeat", 3, "-o", runs)
+    assert again.code == 1
+    assert "plan-001_0000.mcap: exists already" in again.err
+    assert run("run", *plans, "--repeat", 3, "-o", tmp_path / "same").code == 0
+    for path in runs.iterdir():
+        assert path.read_bytes() == (tmp_path / "same" / path.name).read_bytes()
+
+
+def test_one_bad_plan_among_many_hides_no_other(run: Run, plan: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.json"
+    bad.write_text("{")
+    result = run("run", bad, plan, "-o", tmp_path / "runs", "--json")
+    assert result.code == 3
+    assert "bad.json" in result.err
+    [told] = result.json()["plans"]
+    assert [Path(entry["path"]).name for entry in told["runs"]] == ["plan_0000.mcap"]
+    assert (told["n_succeeded"], told["mean_low_s"]) == (1, None)
+    assert run("run", bad, tmp_path / "none.json", "-o", tmp_path / "none").code == 1
+
+
+def test_logs_of_plans_of_one_name_would_collide(run: Run, plan: Path, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    twin = tmp_path / "other" / plan.name
+    twin.write_bytes(plan.read_bytes())
+    result = run("run", plan, twin, "-o", tmp_path / "runs")
+    assert result.code == 2
+    assert "two plans are called 'plan'" in result.err
+
+
+def test_both_ways_to_run_record_the_same_facts(
+    run: Run, plan: Path, script: Callable[..., Path], tmp_path: Path
+) -> None:
+    agents = [f"--agent={agent}=scripted:{script(agent)}" for agent in ("human", "robot")]
+    opened = []
+    for folder, more in (("a", ()), ("b", ("--real-time",))):
+        (tmp_path / folder).mkdir()
+        assert run("run", plan, *agents, *more, "-o", tmp_path / folder / "x.mcap").code == 0
+        [started] = [event for event in logged(tmp_path / folder / "x.mcap") if isinstance(event, RunStarted)]
+        opened.append(replace(started, time_ns=0, run_id=""))
+    assert opened[0] == opened[1]

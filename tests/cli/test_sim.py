@@ -126,9 +126,9 @@ def test_a_stepped_campaign_counts_contacts_and_says_what_guards(
     monkeypatch.setattr(scenario, "load_scenario", lambda _: small)
     command = ["sim", "--runs", "1", "--engine", "bullet"]
     assert main([*command, "--safety", "distance", "-o", str(tmp_path / "text")]) == 0
-    first, second = capsys.readouterr().out.splitlines()
-    assert first.startswith("1 runs of small: ")
-    assert second == "contacts while moving: 0 in 1 runs"
+    first, second, _ = capsys.readouterr().out.splitlines()
+    assert first.startswith("1 run of small: ")
+    assert second == "contacts while moving: 0 in 1 run"
     assert main([*command, "--safety", "distance", "--json", "-o", str(tmp_path / "json")]) == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["engine"], result["safety"], result["contacts"]) == ("bullet", "distance", 0)

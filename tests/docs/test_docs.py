@@ -10,16 +10,26 @@ import sys
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from hrclog.analyzers.projections import schemas
+from hrclog.analyzers.search.methods import METHODS
+from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS
 from hrclog.cli import VERBS
 from hrclog.diagnostic import CODES
 from hrclog.events import COLUMNS, EVENT_CLASSES
+from hrclog.planning.dispatch_mode import MODES
+from hrclog.sim.cell.safety_settings import POLICIES
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "sample_logs" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "sample_logs" / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NEEDS_BULLET = re.compile(r"engine[ =]\"?bullet")
 EXITS = re.compile(r"\s+# exits (\d+).*$")
@@ -122,6 +132,21 @@ def test_pages_name_every_diagnostic_and_every_verb() -> None:
     commands = (ROOT / "docs" / "commands.md").read_text()
     for verb in VERBS:
         assert f"## hrclog {verb}" in commands
+
+
+def test_the_page_of_estimators_lists_those_that_there_are() -> None:
+    page = (ROOT / "docs" / "estimators.md").read_text(encoding="utf-8")
+    for estimator in (*ESTIMATORS.values(), *YARDSTICKS.values()):
+        assert f"| `{estimator.name}` | {estimator.summary}" in page
+
+
+@pytest.mark.parametrize(
+    ("page", "table"), [("dispatching.md", MODES), ("planning.md", METHODS), ("simulation.md", POLICIES)]
+)
+def test_a_page_lists_the_things_that_there_are(page: str, table: dict[str, Any]) -> None:
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    for name, record in table.items():
+        assert f"| `{name}` | {record.summary}" in text
 
 
 def test_links_between_pages_lead_somewhere() -> None:

@@ -14,7 +14,7 @@ from hrclog.planning.problem import Count, Problem, Task
 from hrclog.recorders.executors.protocol import Command
 from hrclog.sim.bullet.engine import BulletCell
 from hrclog.sim.cell.description import Cell
-from hrclog.sim.cell.from_json import CELL_FIELDS, cell_from_json
+from hrclog.sim.cell.from_json import CELL_FIELDS, read_cell
 from hrclog.sim.cell.safety_settings import Area, AreasSettings, Slew
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.lognormal import Lognormal
@@ -120,7 +120,7 @@ def cell_json(changes: Mapping[str, Any] | None = None) -> dict[str, Any]:
 
 def parsed(value: object) -> Cell:
     """Return the cell of JSON values."""
-    return cell_from_json(JsonRecord(value, "cell.json", CELL_FIELDS))
+    return read_cell(JsonRecord(value, "cell.json", CELL_FIELDS)).cell()
 
 
 def small_cell(changes: Mapping[str, Any] | None = None) -> Cell:

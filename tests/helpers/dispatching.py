@@ -12,6 +12,7 @@ from hrclog.planning.problem import Count, Precedence, Problem, Task
 from hrclog.planning.run_state import Replan
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.protocol import Executor
 from hrclog.recorders.executors.scripted import ScriptedExecutor, ScriptStep
 from hrclog.sim.event_queue import EventQueue
@@ -103,15 +104,12 @@ def play(
     }
     ids = itertools.count()
     dispatcher = Dispatcher(
-        plan,
-        problem or problem_of(plan),
+        RunSetup(plan=plan, problem=problem or problem_of(plan), policy=policy or DispatchPolicy(), replan=replan),
         {**scripted, **(executors or {})},
         queue,
-        policy or DispatchPolicy(),
         run_id="run",
         emit=lambda event: events.append(replace(event, run_id="run", seq=len(events))),
         new_id=lambda: f"id{next(ids)}",
-        replan=replan,
     )
     dispatcher.run()
     return Played(tuple(events), dispatcher)

@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import kb_reads
 from kb_runs import frame_of_runs
 
 from hrclog.analyzers.learning.ingest import ingest, update_statistics
@@ -42,6 +43,6 @@ def watch(where: str, ready: str, stop: str) -> dict[str, Any]:
             of_rows = set((durations["count"] + durations["n_failed"]).to_list())
             if of_rows != {len(made.runs)} or set(synergies["estimator"]) != {made.estimator}:
                 wrong.append(f"{made.estimator} of {len(made.runs)} runs beside {of_rows}")
-            if kb.durations().is_empty() or not kb.times().times:
+            if kb_reads.durations(kb).is_empty() or not kb.times().times:
                 wrong.append("empty alone")
     return {"seen": len(seen), "reads": n_reads, "wrong": wrong}

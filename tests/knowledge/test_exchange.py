@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 from bson import ObjectId
 from kb_mongo import FakeDatabase
+from kb_reads import durations, results
 from kb_runs import frame_of_runs, state
 
 from hrclog.analyzers.learning.ingest import ingest, ingest_logs, update_statistics
@@ -85,8 +86,8 @@ def _shape(value: Any) -> Any:  # noqa: ANN401 - any JSON value
 def test_the_authors_importer_reads_our_task_results(kb: KnowledgeBase, tmp_path: Path) -> None:
     export_json(kb, tmp_path / "files")
     found = import_mongo([tmp_path / "files" / "task_results.json"], tmp_path / "logs")
-    assert found.n_executions == kb.results().height
-    assert len(found.recipes) == kb.results()["run_id"].n_unique()
+    assert found.n_executions == results(kb).height
+    assert len(found.runs) == results(kb)["run_id"].n_unique()
 
 
 def test_the_published_durations_come_out_of_the_authors_results(data_dir: Path, tmp_path: Path) -> None:
@@ -95,7 +96,7 @@ def test_the_published_durations_come_out_of_the_authors_results(data_dir: Path,
     with open_knowledge(tmp_path / "kb.sqlite", create=True) as kb:
         import_folder(kb, folder)
         update_statistics(kb, "paper")
-        ours = {(row["agent"], row["task"]): row for row in kb.durations().iter_rows(named=True)}
+        ours = {(row["agent"], row["task"]): row for row in durations(kb).iter_rows(named=True)}
         assert {task.task: task.targets for task in kb.properties()}["pick_blue_box"] == ("blue_box",)
         export_json(kb, tmp_path / "files")
     assert len(published) == 8
@@ -125,7 +126,7 @@ def test_parquet_files_are_the_frames(kb: KnowledgeBase, tmp_path: Path) -> None
     written = export_parquet(kb, tmp_path)
     frames = {path.stem: pl.read_parquet(path) for path, _ in written}
     assert set(frames) == {*COLLECTIONS, "runs"}
-    assert frames["task_results"].equals(kb.results().drop("path"))
+    assert frames["task_results"].equals(results(kb).drop("path"))
     assert frames["task_durations"].schema == DURATIONS
     assert frames["task_synergies"].schema == SYNERGIES
     assert [*frames["task_results"].columns, "path"] == INTERVALS.names()
@@ -177,7 +178,7 @@ def test_mongodb_gets_the_documents_of_the_files(kb: KnowledgeBase, tmp_path: Pa
         assert counts[name] == len(files) == len(kept)
         assert keys(kept) == keys(files)
     assert isinstance(next(iter(database["task_results"].documents.values()))["_id"], ObjectId)
-    assert database["task_results"].calls == 2 * len(set(kb.results()["run_id"])) + 1
+    assert database["task_results"].calls == 2 * len(set(results(kb)["run_id"])) + 1
 
 
 def test_writing_to_mongodb_twice_changes_nothing_and_leaves_others_documents_alone(kb: KnowledgeBase) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 import psycopg
 import pytest
 from kb_postgres import PASSWORD, Server
+from kb_reads import results
 from kb_runs import frame_of_runs
 from sqlalchemy import update
 
@@ -86,7 +87,7 @@ def test_a_damaged_file_is_told_apart_from_a_bug(tmp_path: Path) -> None:
     data[4096:] = b"\x55" * (len(data) - 4096)
     path.write_bytes(data)
     with pytest.raises(KnowledgeError, match="damaged"), open_knowledge(path) as kb:
-        kb.results()
+        results(kb)
 
 
 def test_tables_of_others_in_a_schema_are_left_alone(postgres: str) -> None:
@@ -154,12 +155,13 @@ def test_a_missing_driver_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPat
 
 READ_ONLY = """
 import sys
+from kb_reads import results
 from kb_runs import frame_of_runs
 from hrclog.analyzers.learning.ingest import ingest
 from hrclog.errors import KnowledgeError
 from hrclog.knowledge import open_knowledge
 with open_knowledge(sys.argv[1]) as kb:
-    print(len(kb.runs()), len(kb.times().times), kb.results().height)
+    print(len(kb.runs()), len(kb.times().times), results(kb).height)
     try:
         ingest(kb, frame_of_runs([9]))
     except KnowledgeError as error:

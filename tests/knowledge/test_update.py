@@ -8,6 +8,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from kb_reads import durations, results
 from kb_runs import frame_of_runs, state
 from kb_work import watch
 
@@ -79,7 +80,7 @@ def test_a_run_withdrawn_while_everything_is_rebuilt_stays_out(where: str) -> No
         made = kb.statistics()
         assert made is not None
         assert [run for run, _ in made.runs] == ["run-0000", "run-0002", "run-0003"]
-        assert set(kb.durations()["count"] + kb.durations()["n_failed"]) == {3}
+        assert set(durations(kb)["count"] + durations(kb)["n_failed"]) == {3}
 
 
 def test_withdrawing_and_undoing_gives_the_same_state(where: str) -> None:
@@ -91,7 +92,7 @@ def test_withdrawing_and_undoing_gives_the_same_state(where: str) -> None:
         assert update_statistics(kb)
         assert state(kb) != before
         assert {run.run_id: run.withdrawn for run in kb.runs()}["run-0003"] == "why not"
-        assert "run-0003" not in kb.results()["run_id"].to_list()
+        assert "run-0003" not in results(kb)["run_id"].to_list()
         ingest(kb, frame_of_runs(range(5)))
         assert not update_statistics(kb)
         kb.undo_withdrawal("run-0003")

@@ -104,7 +104,7 @@ def test_auxiliary_tasks_without_a_count_may_stand_anywhere_but_between_what_mus
 
 def test_primary_tasks_without_a_count_are_not_to_be_done() -> None:
     cell = replace(CELL, tasks=(*CELL.tasks, Task("wave", ("R",))))
-    with pytest.raises(ScenarioError, match="'wave' is done 1 times, expected 0"):
+    with pytest.raises(ScenarioError, match="'wave' is done 1 time, expected 0"):
         make_plan(cell, ORDERS | {"R": ("wave", *ORDERS["R"])})
 
 
@@ -168,7 +168,7 @@ def test_planned_times_follow_from_gaps_order_and_precedence(plan: Plan) -> None
 @pytest.mark.parametrize(
     ("orders", "message"),
     [
-        ({"H": ("screw", "pack"), "R": ORDERS["R"]}, "'screw' is done 1 times, expected 2"),
+        ({"H": ("screw", "pack"), "R": ORDERS["R"]}, "'screw' is done 1 time, expected 2"),
         (
             {"H": ("pick", "screw", "screw", "pack"), "R": ("place", "pick", "place")},
             "'H' cannot do 'pick', only R can",

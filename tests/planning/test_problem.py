@@ -89,7 +89,7 @@ def test_an_unknown_task_is_refused_with_the_known_names() -> None:
         ({"agents": ("human",)}, "task 'pick': agent 'robot' is unknown; the agents are human"),
         ({"tasks": (PICK, PLACE, PICK)}, "task 'pick': named twice"),
         ({"tasks": (PICK, Task("place", ()))}, "task 'place': no agent can do it"),
-        ({"tasks": (replace(PICK, targets=("a",)), PLACE)}, "task 'pick': 2 executions for 1 targets"),
+        ({"tasks": (replace(PICK, targets=("a",)), PLACE)}, "task 'pick': 2 executions for 1 target"),
         ({"tasks": (replace(PICK, targets=("a", "a")), PLACE)}, "task 'pick': target 'a': named twice"),
         ({"tasks": (replace(PICK, resources=("jig", "jig")), PLACE)}, "task 'pick': resource 'jig': named twice"),
         ({"tasks": (replace(PICK, release_s=-1.0), PLACE)}, "'pick': release_s: found -1, expected a number from 0"),
@@ -207,7 +207,7 @@ def test_a_task_has_one_follower_only() -> None:
             {"precedences": [{"before": "pick", "after": "place", "kind": "soon"}]},
             "kind: found 'soon', expected one of next, each, all",
         ),
-        ({"agents": ["human"]}, "cell: task 'pick': agent 'robot' is unknown"),
+        ({"agents": ["human"]}, "cell: 2 problems\n  task 'pick': agent 'robot' is unknown"),
     ],
 )
 def test_a_wrong_field_is_named_with_its_place(change: dict[str, object], message: str) -> None:

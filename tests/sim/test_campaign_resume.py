@@ -367,8 +367,8 @@ def test_the_command_may_be_killed_at_any_moment(workers: str, tmp_path: Path) -
 @pytest.mark.slow
 def test_a_stepped_campaign_of_two_workers_goes_on_after_it_was_killed(tmp_path: Path, paper: Scenario) -> None:
     pytest.importorskip("pybullet")
-    options = "--runs", "6", "--engine", "bullet", "--workers", "2"
-    simulate_campaign(paper, 6, 1, tmp_path / "whole", engine="bullet")
+    options = "--runs", "4", "--engine", "bullet", "--workers", "2"
+    simulate_campaign(paper, 4, 1, tmp_path / "whole", engine="bullet")
     kill_after(start(tmp_path / "out", *options), tmp_path / "out", 2, 0.5)
     go_on(tmp_path / "out", *options)
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
@@ -429,3 +429,46 @@ def test_an_error_keeps_what_was_written(tmp_path: Path, monkeypatch: pytest.Mon
     numbers = simulated(monkeypatch)
     simulate_campaign(PAPER, 5, 1, tmp_path)
     assert numbers == [2, 3, 4]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_finished_campaign_is_extended_to_the_bytes_of_a_longer_one(
+    workers: int, whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulate_campaign(PAPER, 1, 1, tmp_path)
+    told: list[int] = []
+    numbers = simulated(monkeypatch) if workers == 1 else None
+    simulate_campaign(PAPER, RUNS, 1, tmp_path, workers, resuming=told.append)
+    assert contents(tmp_path) == whole
+    assert told == [1]
+    assert numbers in (None, [1, 2])  # what is there is not simulated again
+
+
+def test_an_extension_may_be_killed_at_any_moment(whole: dict[str, bytes], tmp_path: Path) -> None:
+    simulate_campaign(PAPER, 1, 1, tmp_path / "first")
+    count = die(shutil.copytree(tmp_path / "first", tmp_path / "alive"), None)
+    for after in range(0, count, 3):
+        folder = shutil.copytree(tmp_path / "first", tmp_path / str(after))
+        die(folder, after)
+        over = (folder / "truth.json").read_bytes() == whole["truth.json"]  # but for clearing up
+        with suppress(*[LogExistsError] * over):
+            simulate_campaign(PAPER, RUNS, 1, folder)
+        assert contents(folder) == whole, after
+
+
+def test_only_the_same_campaign_is_extended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulate_campaign(PAPER, 2, 1, tmp_path)
+    before = contents(tmp_path)
+    changed = replace(PAPER, works=(replace(PAPER.works[0], path_length=9.0), *PAPER.works[1:]))
+    for scenario, runs, seed in ((PAPER, 3, 2), (changed, 3, 1), (PAPER, 2, 1), (PAPER, 1, 1)):
+        with pytest.raises(LogExistsError, match="a finished campaign is there: 2 runs of paper, seed 1"):
+            simulate_campaign(scenario, runs, seed, tmp_path)
+    with monkeypatch.context() as patch:
+        patch.setattr(campaign_folder, "__version__", "9.9")
+        with pytest.raises(LogExistsError, match="a finished campaign is there"):
+            simulate_campaign(PAPER, 3, 1, tmp_path)
+    (tmp_path / "paper_0002.mcap").write_bytes(b"mine")
+    with pytest.raises(LogExistsError, match="exists already"):
+        simulate_campaign(PAPER, 3, 1, tmp_path)
+    (tmp_path / "paper_0002.mcap").unlink()
+    assert contents(tmp_path) == before

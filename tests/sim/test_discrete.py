@@ -24,6 +24,7 @@ from hrclog.events import (
     TaskResumed,
     TaskStarted,
 )
+from hrclog.planning.dispatch_mode import DispatchMode
 from hrclog.planning.problem import Count, Precedence, PrecedenceKind, Problem, Task
 from hrclog.recorders.executors.protocol import Executor
 from hrclog.sim.discrete import DiscreteCell
@@ -33,7 +34,6 @@ from hrclog.sim.scenario import (
     ABORT,
     SEQUENTIAL,
     SKIP,
-    TIMED,
     Failures,
     Gap,
     Lognormal,
@@ -81,7 +81,7 @@ def scenarios(draw: st.DrawFn) -> Scenario:
         gaps=tuple(Gap(agent, draw(times)) for agent in agents if draw(st.booleans())),
         failures=Failures(draw(st.integers(1, 3)), draw(st.sampled_from((SKIP, ABORT)))),
         safety=Safety(agents[: draw(st.integers(1, len(agents)))], "zone"),
-        dispatch_mode=draw(st.sampled_from((SEQUENTIAL, TIMED))),
+        dispatch_mode=draw(st.sampled_from((SEQUENTIAL, DispatchMode.TIMED))),
     )
 
 

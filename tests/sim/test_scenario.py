@@ -120,3 +120,45 @@ def test_two_tasks_that_stop_each_other_are_refused() -> None:
 def test_the_files_spell_out_one_row_a_line() -> None:
     for path in SCENARIO_FOLDER.glob("*.json"):
         assert max(map(len, path.read_text().splitlines())) < 400
+
+
+def test_all_errors_of_a_file_are_told_at_once(tmp_path: Path) -> None:
+    value = json.loads((SCENARIO_FOLDER / "paper.json").read_text())
+    del value["name"]
+    value["problem"]["tasks"][0]["agents"] = "robot"
+    value["problem"]["counts"][1]["count"] = -1
+    value["work"][0]["sigma"] = "wide"
+    value["work"][2]["surprise"] = 1
+    value["cell"]["robot"]["speed"] = -3
+    value["cell"]["skills"][0]["skill"] = "juggle"
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(value))
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: 7 problems\n")
+    for place in (
+        "'name' is missing",
+        "problem: tasks[0]: agents: found 'robot', expected a list of texts",
+        "problem: counts[1]: count: found '-1'",
+        "work[0]: sigma: found 'wide'",
+        "work[2]: unknown field 'surprise'",
+        "cell: robot: speed",
+        "cell: skills[0]: skill: found 'juggle'",
+    ):
+        assert f"\n  {place}" in message
+    assert len(caught.value.problems) == 7
+
+
+def test_contradictions_are_told_together_and_many_are_counted(tmp_path: Path) -> None:
+    value = json.loads((SCENARIO_FOLDER / "failures.json").read_text())
+    value["work"] = value["work"][:1]
+    value["synergies"] = [
+        {"agent": "nobody", "task": f"task {number}", "other_agent": "x", "other_task": "y", "synergy": 2}
+        for number in range(30)
+    ]
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(value))
+    with pytest.raises(ScenarioError, match=r"(?s)mine\.json: \d+ problems\n.*\.\.\. and \d+ more$") as caught:
+        load_scenario(path)
+    assert str(caught.value).count("\n") == ScenarioError.MOST + 1

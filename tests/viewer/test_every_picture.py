@@ -33,9 +33,8 @@ def seen(logs: Path, folder: Path, size: str, display: str = "") -> int:
     return count
 
 
-@pytest.mark.parametrize("size", ["1000x700", "1600x1000"])
-def test_a_campaign_of_two_agents(tmp_path: Path, size: str) -> None:
-    assert seen(SAMPLES / "campaign", tmp_path, size) >= 20
+def test_a_campaign_of_two_agents(tmp_path: Path) -> None:
+    assert seen(SAMPLES / "campaign", tmp_path, "1000x700") >= 20
 
 
 def test_three_agents(tmp_path: Path) -> None:

@@ -192,7 +192,7 @@ def test_intervals_of_ratios_are_those_of_draws_that_are_set_against_each_other(
         runs = len({*met["run_id"]})
         assert found[f"runs_{name}"] == runs
         assert found[f"n_{name}"] == met.height
-        draws = bootstrap(side.observations, "ols", "none", 25, side_seed(4, side.observations.runs))
+        draws = bootstrap(side.observations, ESTIMATORS["ols"], "none", 25, side_seed(4, side.observations.runs))
         drawn = np.log(draws.filter(*(pl.col(key) == value for key, value in pair.items()))["synergy"].to_numpy())
         estimate = np.log(one(side.synergies, **pair)["synergy"])
         wide.append(
@@ -389,7 +389,7 @@ def test_a_pair_that_only_one_side_knows_has_no_ratio() -> None:
 def test_a_run_on_both_sides_is_an_error_that_names_it() -> None:
     a, b = two_sides(14)
     shared = [one for one in a if one["run_id"] in ("arun001", "arun002")]
-    with pytest.raises(HrclogError, match=r"'arun001' .* on both sides.* and 1 more are"):
+    with pytest.raises(HrclogError, match=r"'arun001' .* on both sides.* and 1 more is"):
         compare(analysed(a), analysed([*b, *shared]))
 
 

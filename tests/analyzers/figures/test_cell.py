@@ -87,7 +87,7 @@ def test_a_box_stands_where_it_is_listed_until_it_moves() -> None:
 
 def test_poses_of_what_the_scene_does_not_list_are_said_to_be_left_out() -> None:
     assert cell_of(moves=poses(("ghost", 1, 0.0))).captions == (
-        "Poses of 1 objects that the scene does not list, the first 'ghost'.",
+        "Poses of 1 object that the scene does not list, the first 'ghost'.",
     )
 
 

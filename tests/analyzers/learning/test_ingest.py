@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kb_reads import durations, results, synergies
 from kb_runs import TASKS, frame_of_runs, run_of, state, state_at
 from kb_work import ingest_runs
 
@@ -59,10 +60,10 @@ def test_what_comes_out_is_what_an_analysis_of_the_logs_says(kb: KnowledgeBase) 
     executions = intervals(read_events([SAMPLES / "campaign", SAMPLES / "failures.mcap"]))
     executions = executions.with_columns(pl.lit("").alias("path"))
     learnt = learn(executions)
-    assert kb.results().equals(executions)
-    assert kb.results().schema == INTERVALS
-    assert kb.durations().equals(learnt.durations)
-    assert kb.synergies().equals(learnt.synergies)
+    assert results(kb).equals(executions)
+    assert results(kb).schema == INTERVALS
+    assert durations(kb).equals(learnt.durations)
+    assert synergies(kb).equals(learnt.synergies)
     assert kb.times().to_json() == learnt.times.to_json()
 
 
@@ -104,10 +105,10 @@ def test_a_run_that_went_on_replaces_what_was_there_of_it(kb: KnowledgeBase) -> 
     events = run_of(1)
     assert ingest_events(kb, events[:4]).added == ["run-0001"]
     update_statistics(kb)
-    assert sorted(kb.results()["outcome"]) == ["succeeded", "unknown"]
+    assert sorted(results(kb)["outcome"]) == ["succeeded", "unknown"]
     assert ingest_events(kb, events).replaced == ["run-0001"]
     assert ingest_events(kb, events[:6]).unchanged == ["run-0001"]
-    assert kb.results().height == len(TASKS)
+    assert results(kb).height == len(TASKS)
     assert update_statistics(kb)
     [run] = kb.runs()
     assert (run.n_events, run.outcome, run.name) == (10, "succeeded", "n1")
@@ -210,7 +211,7 @@ def test_sqlite_and_postgresql_hold_the_same_bits(postgres: str, tmp_path: Path)
             kb.withdraw("n2", "a\0b")
             update_statistics(kb)
             states.append(state(kb))
-            assert kb.results().filter(pl.col("run_id") == "run-0005")["reason"][0].startswith("a\u2400b")
+            assert results(kb).filter(pl.col("run_id") == "run-0005")["reason"][0].startswith("a\u2400b")
     assert states[0] == states[1]
     assert {"5e-324", "0.30000000000000004", "1.7e+308"} <= {cell for row in states[0]["task_results"] for cell in row}
 
@@ -266,8 +267,8 @@ def test_two_runs_under_one_id_teach_nothing(kb: KnowledgeBase, tmp_path: Path) 
 def test_runs_without_executions_are_kept_and_teach_nothing(kb: KnowledgeBase) -> None:
     ingest_events(kb, [run_of(1)[0]])
     assert update_statistics(kb)
-    assert kb.results().is_empty()
-    assert kb.durations().is_empty()
+    assert results(kb).is_empty()
+    assert durations(kb).is_empty()
     assert kb.times().times == {}
     assert [run.outcome for run in kb.runs()] == [""]
 
@@ -282,7 +283,7 @@ def test_other_estimators_are_kept_until_another_is_asked_for(kb: KnowledgeBase)
     assert made is not None
     assert (made.estimator, made.outliers, len(made.runs)) == ("ols", "isolation-forest", 6)
     assert update_statistics(kb, "paper", "none")
-    assert set(kb.synergies()["estimator"]) == {"paper"}
+    assert set(synergies(kb)["estimator"]) == {"paper"}
 
 
 def test_a_new_version_of_the_estimators_makes_statistics_anew(

@@ -18,9 +18,10 @@ from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.fit import TaskModel
 from hrclog.analyzers.synergy.log_work import NormalLogWork
 from hrclog.events import TaskEnded, TaskStarted
+from hrclog.planning.dispatch_mode import DispatchMode
 from hrclog.planning.plan import Plan
 from hrclog.sim.run import plan_of, simulate_run
-from hrclog.sim.scenario import TIMED, Gap, Lognormal, Scenario, Synergy, load_scenario
+from hrclog.sim.scenario import Gap, Lognormal, Scenario, Synergy, load_scenario
 
 pytestmark = pytest.mark.slow
 
@@ -101,7 +102,7 @@ def stretched(plan: Plan, factor: float) -> Plan:
 
 
 def predicted_of(scenario: Scenario, plan: Plan) -> float:
-    timed = scenario.dispatch_mode == TIMED
+    timed = scenario.dispatch_mode == DispatchMode.TIMED
     gaps = {agent: scenario.gap[agent].median_s if agent in scenario.gap else 0.0 for agent in plan.agents()}
     queues = {agent: plan.queue(agent) for agent in plan.agents()}
     starts = {agent: gaps[agent] + (queue[0].planned_start_s or 0 if timed else 0) for agent, queue in queues.items()}
@@ -123,7 +124,9 @@ def simulated(scenario: Scenario, plan: Plan) -> float:
 
 
 @pytest.mark.parametrize("name", ["paper", "three-agents", "machine-tending"])
-@pytest.mark.parametrize(("mode", "stretch"), [("sequential", 1.0), (TIMED, 1.0), (TIMED, 1.7)])
+@pytest.mark.parametrize(
+    ("mode", "stretch"), [("sequential", 1.0), (DispatchMode.TIMED, 1.0), (DispatchMode.TIMED, 1.7)]
+)
 @pytest.mark.parametrize("gap_s", [0.0, 0.8])
 def test_without_chance_the_makespan_is_that_of_the_simulator(
     name: str, mode: str, stretch: float, gap_s: float

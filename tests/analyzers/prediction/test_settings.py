@@ -210,7 +210,7 @@ def test_more_folds_than_runs_leave_one_run_out() -> None:
 
 @pytest.mark.parametrize("split", [static, prequential])
 def test_a_run_on_both_sides_is_an_error(split: Split, train: pl.DataFrame) -> None:
-    with pytest.raises(HrclogError, match=r"1 runs are among both .* 'train0003'"):
+    with pytest.raises(HrclogError, match=r"1 run is among both .* 'train0003'"):
         split(train, train.filter(run_id="train0003"))
 
 

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from planning import true_times
 from planning_problems import space_with, spaces
+from sizes import many
 
 from hrclog.analyzers.search.bound import lower_bound_s
 from hrclog.analyzers.search.exhaustive import judge_all
@@ -35,7 +36,7 @@ def test_local_search_finds_the_best_of_all_plans(problem: tuple[Space, Worlds])
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=many(20, fuzz=60), deadline=None)
 @given(spaces())
 def test_local_search_finds_the_best_of_all_plans_whatever_the_rules(problem: tuple[Space, Worlds]) -> None:
     judge = Judge(*problem)

@@ -13,6 +13,7 @@ import pytest
 from interval_frames import frame, random_runs, row
 from polars.testing import assert_frame_equal
 from scipy import integrate
+from sizes import many
 
 from hrclog.analyzers.synergy import bayes as module
 from hrclog.analyzers.synergy.bayes import Posterior, bayes, log_upper_gamma, posterior
@@ -216,7 +217,7 @@ def test_twenty_coefficients_agree_with_a_random_walk() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("n", "p"), [(6, 10), (11, 20), (31, 60)])
+@pytest.mark.parametrize(("n", "p"), [(6, 10), (11, 20), (many(17, fuzz=31), many(32, fuzz=60))])
 def test_more_coefficients_than_rows_do_not_fail(n: int, p: int) -> None:
     for spread in (0.01, 2.0):
         found = posterior(*sampled(p, n, p, spread))

@@ -38,7 +38,7 @@ def errors(table: pl.DataFrame, name: str) -> np.ndarray:
 @pytest.mark.parametrize("name", ["ols", "aft"])
 def test_errors_of_independent_executions_are_those_of_the_estimator(name: str, observations: Observations) -> None:
     fit = ESTIMATORS[name].fit(observations, "none")
-    table = with_bootstrap(fit, observations, name, "none", 60, 0, 1).synergies
+    table = with_bootstrap(fit, observations, ESTIMATORS[name], "none", 60, 0, 1).synergies
     pairs = (("std_err", "synergy"), ("free_std_err", "synergy_free")) if name == "aft" else (("std_err", "synergy"),)
     for error, value in pairs:
         ratio = errors(table, error) / errors(fit.synergies, error)
@@ -64,7 +64,7 @@ def test_executions_that_run_together_widen_the_errors() -> None:
     own = [errors(ESTIMATORS["ols"].fit(one, "none").synergies, "std_err") for one in (once, often)]
     drawn = [
         errors(
-            with_bootstrap(ESTIMATORS["ols"].fit(one, "none"), one, "ols", "none", 60, 3, 1).synergies,
+            with_bootstrap(ESTIMATORS["ols"].fit(one, "none"), one, ESTIMATORS["ols"], "none", 60, 3, 1).synergies,
             "std_err",
         )
         for one in (once, often)
@@ -75,27 +75,31 @@ def test_executions_that_run_together_widen_the_errors() -> None:
 
 def test_the_seed_makes_the_draws_and_the_workers_do_not(observations: Observations) -> None:
     few = observations.only(observations.runs[:10])
-    first = bootstrap(few, "ols", "none", 45, 7)
-    assert_frame_equal(first, bootstrap(few, "ols", "none", 45, 7, workers=2), check_exact=True)
+    first = bootstrap(few, ESTIMATORS["ols"], "none", 45, 7)
+    assert_frame_equal(first, bootstrap(few, ESTIMATORS["ols"], "none", 45, 7, workers=2), check_exact=True)
     assert first["replicate"].unique().sort().to_list() == list(range(45))
     assert first.columns == ["replicate", *PAIR, "synergy", "synergy_free"]
-    other = bootstrap(few, "ols", "none", 45, 8)
+    other = bootstrap(few, ESTIMATORS["ols"], "none", 45, 8)
     assert first["synergy"].to_list() != other["synergy"].to_list()
     # more draws are the same ones, and further ones
-    assert_frame_equal(bootstrap(few, "ols", "none", 30, 7), first.filter(pl.col("replicate") < 30), check_exact=True)
+    assert_frame_equal(
+        bootstrap(few, ESTIMATORS["ols"], "none", 30, 7), first.filter(pl.col("replicate") < 30), check_exact=True
+    )
 
 
 def test_two_workers_give_the_same_aft(observations: Observations) -> None:
     few = observations.only(observations.runs[:4])
     fit = ESTIMATORS["aft"].fit(few, "none")
-    alone, together = (with_bootstrap(fit, few, "aft", "none", 24, 1, workers).synergies for workers in (1, 2))
+    alone, together = (
+        with_bootstrap(fit, few, ESTIMATORS["aft"], "none", 24, 1, workers).synergies for workers in (1, 2)
+    )
     assert_frame_equal(alone, together, check_exact=True)
 
 
 def test_progress_is_told(observations: Observations) -> None:
     told: list[int] = []
     few = observations.only(observations.runs[:3])
-    with_bootstrap(ESTIMATORS["ols"].fit(few, "none"), few, "ols", "none", 45, 1, 1, told.append)
+    with_bootstrap(ESTIMATORS["ols"].fit(few, "none"), few, ESTIMATORS["ols"], "none", 45, 1, 1, told.append)
     assert sum(told) == 45
     assert len(told) > 1
 
@@ -111,7 +115,7 @@ def test_a_draw_is_of_runs_with_repetition() -> None:
 
 def test_a_replicate_is_the_estimate_from_the_runs_it_drew(observations: Observations) -> None:
     few = observations.only(observations.runs[:6])
-    table = bootstrap(few, "aft", "none", 3, 11)
+    table = bootstrap(few, ESTIMATORS["aft"], "none", 3, 11)
     for number in range(3):
         drawn = few.drawn(drawn_runs(few.runs, 11, number))
         expected = ESTIMATORS["aft"].fit(drawn, "none").synergies.select(*PAIR, "synergy", "synergy_free")
@@ -133,7 +137,7 @@ def test_what_has_no_number_gets_no_interval(name: str) -> None:
     found.append(row("R", "y", 0, SECOND, run_id="3", execution_id="y"))
     some = observe(frame(found))
     fit = ESTIMATORS[name].fit(some, "none")
-    table = with_bootstrap(fit, some, name, "none", 25, 1, 1).synergies
+    table = with_bootstrap(fit, some, ESTIMATORS[name], "none", 25, 1, 1).synergies
     assert table.schema == SYNERGIES
     assert_frame_equal(
         table.select(*PAIR, "synergy", "synergy_free", "n", "status"),
@@ -151,8 +155,8 @@ def test_what_has_no_number_gets_no_interval(name: str) -> None:
 def test_one_run_and_one_draw_are_errors(observations: Observations) -> None:
     one = observations.only(observations.runs[:1])
     with pytest.raises(HrclogError, match="found 1, expected at least 2; record more runs"):
-        bootstrap(one, "ols", "none", 10, 0)
+        bootstrap(one, ESTIMATORS["ols"], "none", 10, 0)
     with pytest.raises(HrclogError, match="number of bootstrap draws is 1, expected at least 2"):
-        bootstrap(observations, "ols", "none", 1, 0)
+        bootstrap(observations, ESTIMATORS["ols"], "none", 1, 0)
     with pytest.raises(HrclogError, match="found 0, expected at least 2"):
-        bootstrap(observations.only([]), "ols", "none", 10, 0)
+        bootstrap(observations.only([]), ESTIMATORS["ols"], "none", 10, 0)

@@ -15,6 +15,7 @@ from hrclog.recorders.clock import Clock
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy
 from hrclog.recorders.dispatch.real_time import RealTimeLoop
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.scripted import ScriptedExecutor, ScriptStep
 from hrclog.sim.event_queue import EventQueue
 
@@ -146,7 +147,9 @@ def test_a_fact_that_comes_from_outside_is_taken_in_once() -> None:
     plan = with_fields(line("a-1"), "a-1", needs=("part",))
     queue, events = EventQueue(START_NS), list[Event]()
     executors = {"a": ScriptedExecutor(steps_of(plan, {"a-1": took(5.0)}), queue)}
-    dispatcher = Dispatcher(plan, problem_of(plan), executors, queue, DispatchPolicy(), run_id="r", emit=events.append)
+    dispatcher = Dispatcher(
+        RunSetup(plan=plan, problem=problem_of(plan)), executors, queue, run_id="r", emit=events.append
+    )
     for at_s in (3, 4):
         queue.schedule(START_NS + at_s * 10**9, lambda: dispatcher.arrive("part"))
     dispatcher.run()
@@ -216,11 +219,9 @@ def test_who_is_told_that_all_is_done_is_told_once() -> None:
     plan = line("a-1", "b-1")
     queue, told = EventQueue(START_NS), list[int]()
     dispatcher = Dispatcher(
-        plan,
-        problem_of(plan),
+        RunSetup(plan=plan, problem=problem_of(plan)),
         {},
         queue,
-        DispatchPolicy(),
         run_id="r",
         emit=lambda _: None,
         on_done=lambda: told.append(queue.now_ns),

@@ -30,6 +30,7 @@ from hrclog.log.message import encode_row
 from hrclog.planning.plan import Arrival, Plan, PlanItem
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy, OnFailure
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.protocol import Command, Emit, Executor
 from hrclog.recorders.executors.scripted import Misbehaviour, ScriptStep
 from hrclog.sim.event_queue import EventQueue
@@ -110,7 +111,13 @@ def test_what_the_task_properties_do_not_know_is_refused(plan: Plan, known: Plan
 
 def test_an_agent_without_an_executor_is_refused_its_commands() -> None:
     plan, events = line("a-1", "a-2<a-1"), list[Event]()
-    dispatcher = Dispatcher(plan, problem_of(plan), {}, EventQueue(0), TRY_TWICE, run_id="run", emit=events.append)
+    dispatcher = Dispatcher(
+        RunSetup(plan=plan, problem=problem_of(plan), policy=TRY_TWICE),
+        {},
+        EventQueue(0),
+        run_id="run",
+        emit=events.append,
+    )
     dispatcher.run()
     assert [e.kind for e in events] == ["task_dispatched", "command_rejected", "task_ended", "task_ended"]
     assert dispatcher.outcomes == {"a-1": "failed", "a-2": "skipped"}
@@ -230,11 +237,9 @@ def test_an_execution_is_asked_to_end_only_once() -> None:
 def test_a_run_that_an_operator_ends_is_canceled() -> None:
     plan, queue, events = line("a-1", "a-2"), EventQueue(START_NS), list[Event]()
     dispatcher = Dispatcher(
-        plan,
-        problem_of(plan),
+        RunSetup(plan=plan, problem=problem_of(plan), policy=DispatchPolicy(grace_s=2.0)),
         {"a": Talker(lambda command, emit: emit(on(TaskStarted, command)), queue)},
         queue,
-        DispatchPolicy(grace_s=2.0),
         run_id="run",
         emit=events.append,
     )
@@ -280,7 +285,9 @@ def test_every_fact_that_comes_begins_the_waiting_anew() -> None:
     plan = Plan("p", (PlanItem("1", "a", "t", needs=("part", "door")),))
     queue, events = EventQueue(START_NS), list[Event]()
     policy = DispatchPolicy(max_wait_s=3.0)
-    dispatcher = Dispatcher(plan, problem_of(plan), {}, queue, policy, run_id="run", emit=events.append)
+    dispatcher = Dispatcher(
+        RunSetup(plan=plan, problem=problem_of(plan), policy=policy), {}, queue, run_id="run", emit=events.append
+    )
     queue.schedule(START_NS + 2 * 10**9, lambda: dispatcher.arrive("part"))
     queue.schedule(START_NS + 9 * 10**9, lambda: dispatcher.arrive("door"))
     dispatcher.run()
@@ -454,7 +461,7 @@ def test_an_end_that_the_log_refuses_ends_the_item_as_failed(error: Exception) -
 
     queue, plan = EventQueue(START_NS), line("a-1")
     executors = {"a": Talker(answer, queue)}
-    dispatcher = Dispatcher(plan, problem_of(plan), executors, queue, DispatchPolicy(), run_id="run", emit=write)
+    dispatcher = Dispatcher(RunSetup(plan=plan, problem=problem_of(plan)), executors, queue, run_id="run", emit=write)
     dispatcher.run()
     assert dispatcher.outcomes == {"a-1": "failed"}
     assert [e.kind for e in events] == ["task_dispatched", "task_started", "annotation_added", "task_ended"]
@@ -470,7 +477,7 @@ def test_a_log_that_cannot_be_written_ends_everything() -> None:
 
     queue, plan = EventQueue(START_NS), line("a-1")
     executors = {"a": Talker(answer, queue)}
-    dispatcher = Dispatcher(plan, problem_of(plan), executors, queue, DispatchPolicy(), run_id="run", emit=write)
+    dispatcher = Dispatcher(RunSetup(plan=plan, problem=problem_of(plan)), executors, queue, run_id="run", emit=write)
     with pytest.raises(LogWriteError, match="disk full"):
         dispatcher.run()
 

@@ -19,6 +19,7 @@ from hrclog.planning.plan import Plan, PlanItem
 from hrclog.recorders.dispatch.live_run import run_live
 from hrclog.recorders.dispatch.policy import DispatchPolicy
 from hrclog.recorders.dispatch.real_time import RealTimeLoop
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.scripted import Misbehaviour, ScriptedExecutor, ScriptStep
 
 
@@ -68,7 +69,12 @@ def live(path: Path, plan: Plan, steps: list[ScriptStep], policy: DispatchPolicy
     """Carry a plan out by a script, in real time."""
     loop = RealTimeLoop()
     executor = ScriptedExecutor(steps, loop)
-    return run_live(path, plan, problem_of(plan), dict.fromkeys(executor.agents, executor), loop, policy)
+    return run_live(
+        path,
+        RunSetup(plan=plan, problem=problem_of(plan), policy=policy or DispatchPolicy()),
+        dict.fromkeys(executor.agents, executor),
+        loop,
+    )
 
 
 def quick(plan: Plan, **changes: ScriptStep) -> list[ScriptStep]:
@@ -128,8 +134,7 @@ def test_facts_and_aborts_may_come_from_other_threads(tmp_path: Path) -> None:
     executor = ScriptedExecutor(steps, loop)
     outcome = run_live(
         tmp_path / "run.mcap",
-        plan,
-        problem_of(plan),
+        RunSetup(plan=plan, problem=problem_of(plan)),
         {"a": executor},
         loop,
         on_ready=lambda dispatcher: (
@@ -147,10 +152,10 @@ def test_nothing_is_written_for_a_plan_that_cannot_be_carried_out(tmp_path: Path
     loop = RealTimeLoop()
     circle = Plan("p", (PlanItem("1", "a", "1", ("2",)), PlanItem("2", "b", "1", ("1",))))
     with pytest.raises(ScenarioError, match="in a circle"):
-        run_live(tmp_path / "run.mcap", circle, problem_of(plan), {}, loop)
-    with pytest.raises(ScenarioError, match="'1' is done 1 times, expected 2"):
-        run_live(tmp_path / "run.mcap", line("a-1"), problem_of(plan), {}, loop)
+        run_live(tmp_path / "run.mcap", RunSetup(plan=circle, problem=problem_of(plan)), {}, loop)
+    with pytest.raises(ScenarioError, match="'1' is done 1 time, expected 2"):
+        run_live(tmp_path / "run.mcap", RunSetup(plan=line("a-1"), problem=problem_of(plan)), {}, loop)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "run.mcap").write_text("mine")
     with pytest.raises(LogExistsError):
-        run_live(tmp_path / "run.mcap", plan, problem_of(plan), {}, loop)
+        run_live(tmp_path / "run.mcap", RunSetup(plan=plan, problem=problem_of(plan)), {}, loop)

@@ -26,6 +26,7 @@ from hrclog.planning.run_state import Replan, Running, RunState, run_state
 from hrclog.recorders.dispatch.live_run import run_live
 from hrclog.recorders.dispatch.policy import DispatchPolicy, OnFailure
 from hrclog.recorders.dispatch.real_time import RealTimeLoop
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.scripted import Misbehaviour, ScriptedExecutor, ScriptStep
 from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.run import carry_out, plan_of, policy_of
@@ -363,7 +364,12 @@ def test_a_live_run_follows_another_plan_too(tmp_path: Path) -> None:
     short = replace(FAILS, duration_s=0.01)
     steps = [replace(short, agent="a", task="1"), *(took_by("a", name, 0.01) for name in "12")]
     executor = ScriptedExecutor(steps, loop)
-    outcome = run_live(tmp_path / "run.mcap", plan, problem_of(plan), {"a": executor}, loop, ON_FAILURE, replan=again)
+    outcome = run_live(
+        tmp_path / "run.mcap",
+        RunSetup(plan=plan, problem=problem_of(plan), policy=ON_FAILURE, replan=again),
+        {"a": executor},
+        loop,
+    )
     assert outcome == ("succeeded", "")
     events = [from_row(row) for row in read_events(tmp_path / "run.mcap").iter_rows(named=True)]
     state = run_state(events)

@@ -20,6 +20,7 @@ from hrclog.planning.plan import Plan
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy
 from hrclog.recorders.dispatch.real_time import RealTimeLoop
+from hrclog.recorders.dispatch.run_setup import RunSetup
 from hrclog.recorders.executors.callables import CallableExecutor, Function
 from hrclog.recorders.executors.protocol import Command, Executor
 from hrclog.recorders.executors.replay import ReplayExecutor, read_recorded
@@ -185,7 +186,9 @@ def call(
     executor = CallableExecutor(functions, plan.agents(), loop, stop)
     executors = dict.fromkeys(plan.agents(), executor)
     policy = policy or DispatchPolicy()
-    dispatcher = Dispatcher(plan, problem_of(plan), executors, loop, policy, run_id="run", emit=events.append)
+    dispatcher = Dispatcher(
+        RunSetup(plan=plan, problem=problem_of(plan), policy=policy), executors, loop, run_id="run", emit=events.append
+    )
     dispatcher.run()
     return dispatcher, events
 
@@ -237,6 +240,8 @@ def test_a_misbehaving_script_is_the_same_in_real_time() -> None:
     loop, events = RealTimeLoop(), list[Event]()
     executor = ScriptedExecutor(quick, loop)
     executors = dict.fromkeys(executor.agents, executor)
-    dispatcher = Dispatcher(plan, problem_of(plan), executors, loop, DispatchPolicy(), run_id="run", emit=events.append)
+    dispatcher = Dispatcher(
+        RunSetup(plan=plan, problem=problem_of(plan)), executors, loop, run_id="run", emit=events.append
+    )
     dispatcher.run()
     assert set(dispatcher.outcomes.values()) == {"succeeded"}

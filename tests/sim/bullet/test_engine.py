@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from cells import HUMAN, ROBOT, Stage, small_cell, small_plan, small_scenario, with_areas
 from segment_distance import Body, box_distances, capsule_distances, least_distances, own_distances
+from sizes import many
 from small_runs import TASKS as RED_AND_WHITE
 from small_runs import digest, digests_of_small_runs, small_run
 
@@ -122,7 +123,7 @@ def recorded(bullet_runs: BulletRuns, paper: Scenario) -> Callable[[str], Record
 Recordings = Callable[[str], Recorded]
 
 
-# What a sound run is. Each is asserted for one run of each policy, and in the slow campaign for fifty.
+# What a sound run is. Each is asserted for one run of each policy, and in the slow campaign for many.
 
 
 def everything_is_done(run: Run) -> None:
@@ -619,11 +620,11 @@ def test_policies_share_the_chances_of_the_human(bullet_runs: BulletRuns) -> Non
 
 @pytest.mark.slow
 @EACH_POLICY
-def test_fifty_runs_are_sound(paper: Scenario, policy: str) -> None:
+def test_many_runs_are_sound(paper: Scenario, policy: str) -> None:
     pytest.importorskip("pybullet")
     scenario = with_policy(paper, policy)
     failed: Mapping[int, str] = {}
-    for index in range(50):
+    for index in range(many(10, fuzz=50)):
         run = simulate_run(scenario, SEED, index, engine="bullet")
         try:
             everything_is_done(run)

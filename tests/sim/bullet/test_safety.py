@@ -188,7 +188,7 @@ def test_at_the_scale_of_separation_no_pair_comes_nearer_faster_than_allowed(
 
 
 @given(
-    st.sampled_from(POLICIES),
+    st.sampled_from(list(POLICIES)),
     st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), max_size=4),
     st.floats(-0.5, 3.0),
     st.floats(-3.0, 3.0),

@@ -15,7 +15,7 @@ from hrclog.log.encode import SceneSignal, signal_message
 from hrclog.sim.bullet.cell_signals import scene_of
 from hrclog.sim.bullet.engine import with_policy
 from hrclog.sim.cell.description import Box, Fault, Pose, ProtectiveStop, Skill, Slot, Stand, check_policy
-from hrclog.sim.cell.from_json import CELL_FIELDS, cell_from_json
+from hrclog.sim.cell.from_json import CELL_FIELDS, read_cell
 from hrclog.sim.cell.safety_settings import (
     Area,
     AreasSettings,
@@ -287,7 +287,7 @@ def test_a_policy_of_another_name_is_refused() -> None:
 
 def test_a_cell_survives_json() -> None:
     value = json.loads(json.dumps(cell_json()))
-    assert cell_from_json(JsonRecord(value, "x", CELL_FIELDS)) == small_cell()
+    assert read_cell(JsonRecord(value, "x", CELL_FIELDS)).cell() == small_cell()
 
 
 def test_the_scene_of_a_cell_can_be_written_into_a_log() -> None:

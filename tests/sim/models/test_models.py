@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bullet_body import bullet_body
+from urdf_capsules import Capsule, capsules
 
-from hrclog.sim.bullet.body import Capsule, capsules
 from hrclog.sim.cell.human_kinematics import HUMAN_JOINT_NAMES
 from hrclog.sim.cell.robot_kinematics import JOINT_NAMES, RailArm
 from hrclog.sim.models import HUMAN_URDF, ROBOT_URDF

@@ -1,4 +1,4 @@
-"""The capsules that stand for a body when distances are taken, read from its URDF."""
+"""The capsules of a body as its URDF has them, to compare with those that PyBullet takes distances between."""
 
 from __future__ import annotations
 

@@ -1,0 +1,154 @@
+"""What `hrclog run` prints of runs: items, makespan against what the plan promised, and what went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from hrclog.analyzers.projections.mean_interval import mean_interval
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE
+from hrclog.cli.run_plan import Done
+from hrclog.events import TaskEnded, TaskFact, TaskStarted
+from hrclog.planning.plan import Plan
+from hrclog.units import NS_PER_S
+from hrclog.wording import counted
+
+INTERRUPTED: Final = 130
+"""Exit code of a run that somebody ended."""
+
+_SUCCEEDED: Final = "succeeded"
+
+
+def exit_code(done: Done) -> int:
+    """Return the exit code that a run asks for."""
+    if done.outcome == _SUCCEEDED:
+        return EXIT_FINE
+    return INTERRUPTED if done.outcome == "canceled" else EXIT_DATA_LOST
+
+
+def run_text(done: Done) -> list[str]:
+    """Return the lines that are printed of a single run."""
+    outcomes = list(_outcomes(done).values())
+    return [
+        f"{done.followed.name}: {outcomes.count(_SUCCEEDED)} of {len(outcomes)} items succeeded, log in {done.path}",
+        f"makespan {_against(_makespan_text(done), done.plan)}",
+        f"Look at it: hrclog view {done.path}",
+    ]
+
+
+def run_json(done: Done) -> dict[str, Any]:
+    """Return what is printed of a single run for machines."""
+    ends, outcomes = _last_ends(done), _outcomes(done)
+    items = {
+        item.item_id: {
+            "agent": item.agent,
+            "task": item.task,
+            "outcome": outcomes[item.item_id] or None,
+            "reason": ends[item.item_id].reason if item.item_id in ends else "",
+            "attempts": ends[item.item_id].attempt if item.item_id in ends else 0,
+        }
+        for item in done.followed.items
+    }
+    return {
+        "path": str(done.path),
+        "outcome": done.outcome,
+        "reason": done.reason,
+        "makespan_s": makespan_s(done),
+        **_promised(done.plan),
+        "items": items,
+    }
+
+
+def plan_text(plan: Plan, runs: Sequence[Done]) -> str:
+    """Return the line of a plan that was executed several times, or among others."""
+    mean, low, high, count = _mean(runs)
+    failed = f", {len(runs) - count} of {len(runs)} did not succeed" if count < len(runs) else ""
+    head = f"{plan.name}: {counted(len(runs), 'run')}{failed}"
+    if mean is None:
+        return head
+    interval = "" if low is None else f" [{low:.1f}, {high:.1f}]"
+    return f"{head}, mean makespan {_against(f'{mean:.1f} s{interval}', plan)}"
+
+
+def plan_json(plan: Plan, runs: Sequence[Done]) -> dict[str, Any]:
+    """Return what is printed of a plan that was executed several times, or among others, for machines."""
+    mean, low, high, count = _mean(runs)
+    return {
+        "plan": plan.name,
+        "mean_makespan_s": mean,
+        "mean_low_s": low,
+        "mean_high_s": high,
+        "n_succeeded": count,
+        **_promised(plan),
+        "runs": [
+            {
+                "path": str(done.path),
+                "outcome": done.outcome,
+                "reason": done.reason,
+                "makespan_s": makespan_s(done),
+            }
+            for done in runs
+        ],
+    }
+
+
+def troubles(done: Done) -> Iterator[str]:
+    """Yield a line for each item that did not succeed, and one for the run."""
+    ends, outcomes = _last_ends(done), _outcomes(done)
+    for item in done.followed.items:
+        if outcomes[item.item_id] != _SUCCEEDED:
+            reason = f": {ends[item.item_id].reason}" if item.item_id in ends and ends[item.item_id].reason else ""
+            yield f"{item.item_id} ({item.task}) {outcomes[item.item_id] or 'not begun'}{reason}"
+    if done.outcome != _SUCCEEDED:
+        yield f"the run {done.outcome}: {done.reason}"
+
+
+def makespan_s(done: Done) -> float | None:
+    """Return the time from the first start of an item to the last end in seconds; None where nothing was begun."""
+    own = [event for event in done.events if isinstance(event, TaskFact) and not event.parent_execution_id]
+    starts = [event.time_ns for event in own if isinstance(event, TaskStarted)]
+    ends = [event.time_ns for event in own if isinstance(event, TaskEnded)]
+    return (max(ends) - min(starts)) / NS_PER_S if starts and ends else None
+
+
+def _makespan_text(done: Done) -> str:
+    took_s = makespan_s(done)
+    return "n/a" if took_s is None else f"{took_s:.1f} s"
+
+
+def _against(makespan: str, plan: Plan) -> str:
+    """Return a makespan beside what the plan promised."""
+    expected, planned_s = plan.expected, _planned_s(plan)
+    if expected is not None:
+        spread = f"[{expected.run_low_s:.1f}, {expected.run_high_s:.1f}]"
+        return f"{makespan}; expected {expected.mean_s:.1f} {spread} (90 % of {expected.worlds} runs drawn)"
+    return makespan if planned_s is None else f"{makespan}; planned {planned_s:.1f} (undisturbed)"
+
+
+def _promised(plan: Plan) -> dict[str, Any]:
+    return {"expected": plan.expected.to_json() if plan.expected else None, "planned_s": _planned_s(plan)}
+
+
+def _planned_s(plan: Plan) -> float | None:
+    return max((item.planned_end_s for item in plan.items if item.planned_end_s is not None), default=None)
+
+
+def _mean(runs: Sequence[Done]) -> tuple[float | None, float | None, float | None, int]:
+    """Return the mean makespan of the runs that succeeded, its 95 % interval, and how many they are."""
+    took_s = [makespan_s(done) for done in runs if done.outcome == _SUCCEEDED]
+    known_s = [seconds for seconds in took_s if seconds is not None]
+    if not known_s:
+        return None, None, None, 0
+    return (*mean_interval(np.array(known_s)), len(known_s))
+
+
+def _outcomes(done: Done) -> dict[str, str]:
+    ends = _last_ends(done)
+    return {item.item_id: ends[item.item_id].outcome if item.item_id in ends else "" for item in done.followed.items}
+
+
+def _last_ends(done: Done) -> dict[str, TaskEnded]:
+    """Return how each item ended in its last attempt."""
+    return {event.item_id: event for event in done.events if isinstance(event, TaskEnded)}
