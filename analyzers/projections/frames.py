@@ -20,14 +20,15 @@ _MOST_NAMED: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class FrameKind:
-    """A kind of frame: what it holds, its columns, and the Python that makes one."""
+    """A kind of frame: what it holds, its columns, the Python that makes one, and the page on its columns."""
 
     name: str
     schema: pl.Schema
     made_by: str
+    page: str = "docs/tables.md"
 
 
-EVENTS_FRAME: Final = FrameKind("events", EVENTS, "hrclog.read_events(LOGS)")
+EVENTS_FRAME: Final = FrameKind("events", EVENTS, "hrclog.read_events(LOGS)", page="docs/events.md")
 INTERVALS_FRAME: Final = FrameKind("intervals", schemas.INTERVALS, "hrclog.intervals(hrclog.read_events(LOGS))")
 SIGNALS_FRAME: Final = FrameKind("signals", schemas.SIGNALS, "hrclog.read_logs(LOGS, signals=True).signals")
 
@@ -50,18 +51,18 @@ def check_frame(frame: object, kind: FrameKind) -> None:
         HrclogError: says what was found, what was expected, and what makes such a frame.
     """
     if not isinstance(frame, pl.DataFrame):
-        raise _error(kind, _called(frame))
+        raise _error(kind, _called(frame, kind))
     schema = frame.schema
     if any(schema.get(name) != dtype for name, dtype in kind.schema.items()):
         raise _error(kind, f"{_guessed(schema)} {' and '.join(_differences(schema, kind.schema))}")
 
 
 def _error(kind: FrameKind, found: str) -> HrclogError:
-    expected = f"a polars DataFrame with the columns of {kind.name} (docs/tables.md)"
+    expected = f"a polars DataFrame with the columns of {kind.name} ({kind.page})"
     return HrclogError(f"{kind.name}: found {found}, expected {expected}; {kind.made_by} makes one")
 
 
-def _called(value: object) -> str:
+def _called(value: object, kind: FrameKind) -> str:
     """Return what somebody would call a value that is no DataFrame of polars, and how to make one of it."""
     if value is None:
         return "None"
@@ -72,7 +73,8 @@ def _called(value: object) -> str:
     package = type(value).__module__.partition(".")[0]
     if package == "pandas":
         return f"a pandas {type(value).__name__} (polars.from_pandas makes a DataFrame)"
-    return f"a value of type {type(value).__name__}"
+    own = isinstance(getattr(value, kind.name, None), pl.DataFrame)  # logs hold events, an analysis intervals too
+    return f"a value of type {type(value).__name__}{f' (its .{kind.name} is such a frame)' if own else ''}"
 
 
 def _guessed(schema: pl.Schema) -> str:

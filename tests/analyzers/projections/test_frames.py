@@ -55,7 +55,8 @@ def refusal(function: Callable[..., object], *arguments: object) -> str:
 def test_what_is_no_frame_is_refused_by_its_name(function: Callable[..., object], value: object, found: str) -> None:
     wanted = "events" if function is hrclog.intervals else "intervals"
     made_by = "hrclog.read_events(LOGS)" if wanted == "events" else "hrclog.intervals(hrclog.read_events(LOGS))"
-    expected = f"expected a polars DataFrame with the columns of {wanted} (docs/tables.md); {made_by} makes one"
+    page = "docs/events.md" if wanted == "events" else "docs/tables.md"
+    expected = f"expected a polars DataFrame with the columns of {wanted} ({page}); {made_by} makes one"
     assert refusal(function, value) == f"{wanted}: {found}, {expected}"
 
 
@@ -89,6 +90,20 @@ def test_a_missing_column_is_named_and_so_is_one_of_a_wrong_type() -> None:
     assert "found a frame of intervals with end_ns as String instead of Int64, expected" in refusal(
         hrclog.overlaps, text
     )
+
+
+def test_logs_and_analyses_are_told_from_the_frames_that_they_hold() -> None:
+    logs, analysis = hrclog.read_logs(SAMPLE), hrclog.analyze(SAMPLE)
+    assert "found a value of type Logs (its .events is such a frame), expected" in refusal(hrclog.intervals, logs)
+    found = "found a value of type Analysis (its .intervals is such a frame), expected"
+    assert found in refusal(hrclog.durations, analysis)
+    assert "found a value of type Logs, expected" in refusal(hrclog.overlaps, logs)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_the_page_that_is_named_lists_the_columns(kind: FrameKind) -> None:
+    page = (Path(__file__).parents[3] / kind.page).read_text(encoding="utf-8")
+    assert [name for name in kind.schema if f"`{name}`" not in page] == []
 
 
 def test_an_empty_frame_without_columns_is_refused() -> None:
