@@ -115,6 +115,10 @@ def _single(plan_path: Path, out: Path, settings: RunOptions, following: Followi
     from hrclog.cli.run_text import exit_code, run_json, run_text, troubles
     from hrclog.recorders.recorder import log_path
 
+    if out.is_dir():
+        raise click.UsageError(
+            f"-o: {out} is a folder; name the log of a single run, or give several plans or --repeat"
+        )
     prepared, path = prepare(plan_path, settings), log_path(out)
     _check_new([path], "choose another name with -o")
     done = execute(prepared, settings, path, 0)
@@ -135,6 +139,7 @@ def _many(
     """Execute several plans, or one several times; what is wrong with one keeps no other from being executed."""
     from hrclog.cli.run_plan import execute
     from hrclog.cli.run_text import INTERRUPTED, exit_code, plan_json, plan_text, troubles
+    from hrclog.errors import HrclogError
 
     logs = _logs(plan_paths, repeat, out)
     prepared, code = _prepared(plan_paths, settings)
@@ -142,7 +147,12 @@ def _many(
     for plan_path, plan in prepared.items():
         runs: list[Done] = []
         for number, path in enumerate(logs[plan_path]):
-            runs.append(execute(plan, settings, path, number))
+            try:
+                runs.append(execute(plan, settings, path, number, series=True))
+            except HrclogError as error:
+                click.echo(printable(f"hrclog: error: {path}: {error}"), err=True)
+                code = max(code, EXIT_DATA_LOST)
+                break
             following.take([path])
             for line in troubles(runs[-1]):
                 click.echo(printable(f"{path}: {line}"), err=True)

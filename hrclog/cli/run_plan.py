@@ -18,6 +18,7 @@ from hrclog.errors import DispatchError
 from hrclog.events import Event, PlanChanged, RunEnded, TaskEnded, TaskStarted
 from hrclog.log.writer import write_log
 from hrclog.planning.plan import Plan, plan_of_value, read_plan
+from hrclog.planning.provenance import made_for
 from hrclog.planning.run_state import Replan
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.dispatch.live_run import run_live
@@ -84,6 +85,8 @@ def prepare(plan_path: Path, options: RunOptions) -> Prepared:
     plan = read_plan(plan_path)
     name = options.scenario or scenario_of_plan(plan, plan_path)
     scenario = chosen_scenario(name, options.engine, options.safety, options.signals_hz)
+    if options.scenario:
+        plan = replace(plan, problem=made_for(options.scenario, scenario.problem))
     fitting = fitting_plan(scenario, plan)
     usual = policy_of(scenario)
     policy = replace(
@@ -99,7 +102,7 @@ def prepare(plan_path: Path, options: RunOptions) -> Prepared:
     return Prepared(fitting, scenario, policy, _ways(options.agents, scenario), replan)
 
 
-def execute(prepared: Prepared, options: RunOptions, path: Path, number: int) -> Done:
+def execute(prepared: Prepared, options: RunOptions, path: Path, number: int, *, series: bool = False) -> Done:
     """Execute a plan and write its log.
 
     Args:
@@ -107,17 +110,21 @@ def execute(prepared: Prepared, options: RunOptions, path: Path, number: int) ->
         options: of the command.
         path: of the log.
         number: of the repetition, from 0; simulated agents act differently in each.
+        series: whether it is one of several: then its ids depend on the log's name, so that equal plans do not share
+            them.
     """
     if options.real_time:
         events, outcome, reason = _live(prepared, options, path, number)
     else:
-        events = _simulated(prepared, options, path, number)
+        events = _simulated(prepared, options, path, number, (path.stem,) if series else ())
         last = events[-1]
         outcome, reason = (last.outcome, last.reason) if isinstance(last, RunEnded) else ("", "")
     return Done(path, prepared.plan, _followed(prepared.plan, events), events, outcome, reason)
 
 
-def _simulated(prepared: Prepared, options: RunOptions, path: Path, number: int) -> Sequence[Event]:
+def _simulated(
+    prepared: Prepared, options: RunOptions, path: Path, number: int, name: tuple[str, ...]
+) -> Sequence[Event]:
     knowledge = (options.kb or "",) if options.replan_on else ()
     run = carry_out(
         prepared.scenario,
@@ -127,7 +134,7 @@ def _simulated(prepared: Prepared, options: RunOptions, path: Path, number: int)
         prepared.policy,
         engine=options.engine,
         others=lambda clock: _executors(prepared.ways, clock),
-        apart=(str(prepared.plan.work_json()), str(prepared.policy), *options.agents, *knowledge),
+        apart=(str(prepared.plan.work_json()), str(prepared.policy), *options.agents, *knowledge, *name),
         name=path.stem,
         replan=prepared.replan,
     )

@@ -108,9 +108,9 @@ def troubles(done: Done) -> Iterator[str]:
 def makespan_s(done: Done) -> float | None:
     """Return the time from the first start of an item to the last end in seconds; None where nothing was begun."""
     own = [event for event in done.events if isinstance(event, TaskFact) and not event.parent_execution_id]
-    starts = [event.time_ns for event in own if isinstance(event, TaskStarted)]
-    ends = [event.time_ns for event in own if isinstance(event, TaskEnded)]
-    return (max(ends) - min(starts)) / NS_PER_S if starts and ends else None
+    starts = {event.execution_id: event.time_ns for event in own if isinstance(event, TaskStarted)}
+    ends = [event.time_ns for event in own if isinstance(event, TaskEnded) and event.execution_id in starts]
+    return (max(ends) - min(starts.values())) / NS_PER_S if ends else None
 
 
 def _makespan_text(done: Done) -> str:
@@ -123,7 +123,7 @@ def _against(makespan: str, plan: Plan) -> str:
     expected, planned_s = plan.expected, _planned_s(plan)
     if expected is not None:
         spread = f"[{expected.run_low_s:.1f}, {expected.run_high_s:.1f}]"
-        return f"{makespan}; expected {expected.mean_s:.1f} {spread} (90 % of {expected.worlds} runs drawn)"
+        return f"{makespan}; expected {expected.mean_s:.1f} {spread} (90 % of {expected.worlds} single runs drawn)"
     return makespan if planned_s is None else f"{makespan}; planned {planned_s:.1f} (undisturbed)"
 
 
@@ -132,7 +132,10 @@ def _promised(plan: Plan) -> dict[str, Any]:
 
 
 def _planned_s(plan: Plan) -> float | None:
-    return max((item.planned_end_s for item in plan.items if item.planned_end_s is not None), default=None)
+    """Return the planned time from the first start to the last end in seconds."""
+    starts = [item.planned_start_s for item in plan.items if item.planned_start_s is not None]
+    ends = [item.planned_end_s for item in plan.items if item.planned_end_s is not None]
+    return max(ends) - min(starts) if starts and ends else None
 
 
 def _mean(runs: Sequence[Done]) -> tuple[float | None, float | None, float | None, int]:

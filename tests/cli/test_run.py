@@ -80,7 +80,7 @@ def test_a_plan_is_carried_out_in_every_mode(mode: str, run: Run, plan: Path, tm
     assert (result.code, result.err) == (0, "")
     items, makespan, look = result.out.splitlines()
     assert items == f"{read_plan(plan).name}: 24 of 24 items succeeded, log in {tmp_path}/out.mcap"
-    assert re.fullmatch(r"makespan \d+\.\d s; planned 87\.6 \(undisturbed\)", makespan)
+    assert re.fullmatch(r"makespan \d+\.\d s; planned 86\.7 \(undisturbed\)", makespan)
     assert look == f"Look at it: hrclog view {tmp_path}/out.mcap"
     first = logged(tmp_path / "out.mcap")[0]
     assert isinstance(first, RunStarted)
@@ -318,7 +318,7 @@ def test_what_a_plan_promised_is_printed_beside_the_makespan(run: Run, plan: Pat
     values = json.loads(plan.read_text()) | {"expected": expected | {"worlds": 400}}
     plan.write_text(json.dumps(values))
     lines = run("run", plan, "-o", tmp_path / "x.mcap").out.splitlines()
-    assert "makespan 96.4 s; expected 80.0 [70.5, 90.0] (90 % of 400 runs drawn)" in lines
+    assert "makespan 96.4 s; expected 80.0 [70.5, 90.0] (90 % of 400 single runs drawn)" in lines
     document = run("run", plan, "-o", tmp_path / "y.mcap", "--json").json()
     assert document["expected"] == expected | {"worlds": 400}
     facts = read_events(tmp_path / "y.mcap").filter(pl.col("kind").is_in(["task_started", "task_ended"]))
@@ -379,3 +379,22 @@ def test_both_ways_to_run_record_the_same_facts(
         [started] = [event for event in logged(tmp_path / folder / "x.mcap") if isinstance(event, RunStarted)]
         opened.append(replace(started, time_ns=0, run_id=""))
     assert opened[0] == opened[1]
+
+
+def test_equal_plans_in_a_series_are_different_runs(run: Run, plan: Path, tmp_path: Path) -> None:
+    twin = tmp_path / "twin.json"
+    twin.write_bytes(plan.read_bytes())
+    assert run("run", plan, twin, "-o", tmp_path / "runs").code == 0
+    assert len({logged(path)[0].run_id for path in (tmp_path / "runs").iterdir()}) == 2
+
+
+def test_a_folder_is_no_log(run: Run, plan: Path, tmp_path: Path) -> None:
+    refused = run("run", plan, "-o", tmp_path)
+    assert refused.code == 2
+    assert "is a folder" in refused.err
+
+
+def test_a_scenario_that_overrides_the_plan_s_is_recorded(run: Run, plan: Path, tmp_path: Path) -> None:
+    assert run("run", plan, "--scenario", "authors-areas", "-o", tmp_path / "x.mcap").code == 0
+    [started] = [event for event in logged(tmp_path / "x.mcap") if isinstance(event, RunStarted)]
+    assert started.plan["problem"]["name"] == "authors-areas"
