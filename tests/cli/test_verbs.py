@@ -276,7 +276,7 @@ def test_logs_that_were_not_read_are_named(run: Run, samples: Path) -> None:
     assert texts == ["12 logs in its subfolders were not read; name those too"]
     result = run("check", samples / "single.mcap", samples / "failures.mcap", "--json")
     texts = [row["message"] for row in result.json()["diagnostics"] if row["code"] == "unread_logs"]
-    assert texts == ["1 unfinished logs (*.mcap.partial) beside these were not read"]
+    assert texts == ["1 unfinished log (*.mcap.partial) beside these was not read"]
 
 
 def test_a_failure_leaves_no_empty_folder_behind(run: Run, tmp_path: Path) -> None:

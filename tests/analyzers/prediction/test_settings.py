@@ -224,7 +224,7 @@ def test_an_empty_side_is_an_error(split: Split, train: pl.DataFrame) -> None:
 
 @pytest.mark.parametrize("n_runs", [0, 1])
 def test_one_run_cannot_be_cross_validated(n_runs: int) -> None:
-    with pytest.raises(HrclogError, match=f"found {n_runs} runs"):
+    with pytest.raises(HrclogError, match=rf"found {n_runs} runs? and"):
         cross_validate(frame(random_runs(1, n_runs=n_runs)))
 
 
