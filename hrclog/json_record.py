@@ -53,7 +53,8 @@ class JsonRecord:
             return isinstance(value, str) and bool(value or default is not None) and _is_text(value)
 
         expected = "a text that is not empty" if default is None else "a text"
-        return str(self._value(name, default, is_right, expected, default or "?"))
+        value: str = self._value(name, default, is_right, expected, default or "?")
+        return value  # as it is: a default may be a member of an enumeration
 
     def number(self, name: str, default: float | None = None, *, least: float = 0.0, most: float = math.inf) -> float:
         """Return a finite number from `least` to `most`."""

@@ -9,6 +9,7 @@ import pytest
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
 from hrclog.json_record import JsonRecord
+from hrclog.planning.dispatch_mode import DispatchMode
 from hrclog.planning.problem import (
     PROBLEM_FIELDS,
     Count,
@@ -213,3 +214,8 @@ def test_a_task_has_one_follower_only() -> None:
 def test_a_wrong_field_is_named_with_its_place(change: dict[str, object], message: str) -> None:
     with pytest.raises(ScenarioError, match=message):
         problem_from_json(JsonRecord(GOOD.to_json() | change, "cell", PROBLEM_FIELDS))
+
+
+def test_a_text_that_is_not_given_is_its_default_itself() -> None:
+    """Ids of runs depend on how a dispatch mode is written out, so a member of an enumeration must stay one."""
+    assert JsonRecord({}, "cell", ("mode",)).text("mode", DispatchMode.TIMED) is DispatchMode.TIMED
