@@ -55,7 +55,7 @@ def scenario_of_plan(plan: Plan, plan_path: Path) -> str:
         raise ScenarioError(f"{plan_path}: the plan does not say which problem it was made for; {remedy}")
     name = plan.problem.name
     if name not in scenario_names():
-        places = [path for path in (plan_path.parent / name, Path(name)) if path.is_file()]
+        places = [path for path in (plan_path.parent / name, Path(name)) if _is_other_file(path, plan_path)]
         if not places:
             found = f"the plan was made for {name!r}, which is no scenario, and no file beside the plan or here"
             raise ScenarioError(f"{plan_path}: {found}; {remedy}")
@@ -68,3 +68,11 @@ def scenario_of_plan(plan: Plan, plan_path: Path) -> str:
         found = f"the problem of {name!r} has changed since the plan was made"
         raise ScenarioError(f"{plan_path}: {found}; make the plan anew, or {remedy}")
     return name
+
+
+def _is_other_file(path: Path, plan_path: Path) -> bool:
+    """Return whether a path is that of a file, but not of the plan, which may be called like its problem."""
+    try:
+        return path.is_file() and not path.samefile(plan_path)
+    except OSError:  # a name that no file can have
+        return False

@@ -398,3 +398,19 @@ def test_a_scenario_that_overrides_the_plan_s_is_recorded(run: Run, plan: Path, 
     assert run("run", plan, "--scenario", "authors-areas", "-o", tmp_path / "x.mcap").code == 0
     [started] = [event for event in logged(tmp_path / "x.mcap") if isinstance(event, RunStarted)]
     assert started.plan["problem"]["name"] == "authors-areas"
+
+
+def test_a_plan_may_be_called_like_its_problem(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cell.json").write_text((SCENARIO_FOLDER / "machine-tending.json").read_text())
+    assert run("plan", "cell.json", "--random", 1, "-o", "plans").code == 0
+    (tmp_path / "plans" / "plan-001.json").rename(tmp_path / "plans" / "cell.json")
+    assert run("run", "plans/cell.json", "-o", "x.mcap").code == 0
+
+
+def test_a_problem_s_name_that_no_file_can_have_is_gone(run: Run, plan: Path, tmp_path: Path) -> None:
+    values = json.loads(plan.read_text()) | {"problem": {"name": "x" * 5000}}
+    plan.write_text(json.dumps(values))
+    refused = run("run", plan, "-o", tmp_path / "x.mcap")
+    assert refused.code == 1
+    assert "which is no scenario, and no file" in refused.err
