@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -17,13 +18,16 @@ SAMPLES = Path(__file__).parents[2] / "sample_logs"
 pytestmark = pytest.mark.slow
 
 
-def seen(logs: Path, folder: Path, size: str, display: str = "") -> int:
+BOTH = ("campaign", "run")
+
+
+def seen(logs: Path, folder: Path, size: str, display: str = "", *, of: Sequence[str] = BOTH) -> int:
     """Look at every tab of a campaign and of its first run; return how many there are."""
     analysis = analyze(logs)
     analysis.to_rerun(folder / "campaign.rrd")
     analysis.run_to_rerun(analysis.runs["run_id"][0], folder / "run.rrd")
     count = 0
-    for name in ("campaign", "run"):
+    for name in of:
         with viewer_in(folder, size, display) as viewer:
             show(viewer, folder / f"{name}.rrd")
             assert colours(viewer, folder / f"{name}.png", size) > 100
@@ -69,5 +73,6 @@ def test_the_51_runs_of_the_authors(tmp_path: Path, data_dir: Path) -> None:
 
 
 def test_the_200_runs_of_four_planners(tmp_path: Path, data_dir: Path) -> None:
+    """A single one of them looks like one of the 51."""
     import_mongo([data_dir / "safety_areas" / "task_results_online.json"], tmp_path / "logs")
-    assert seen(tmp_path / "logs", tmp_path, "1600x1000") >= 20
+    assert seen(tmp_path / "logs", tmp_path, "1600x1000", of=["campaign"]) >= 10
