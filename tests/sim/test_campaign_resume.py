@@ -44,6 +44,14 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return contents(folder)
 
 
+@pytest.fixture(scope="module")
+def forty(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Return the files of a campaign of 40 runs that nobody killed."""
+    folder = tmp_path_factory.mktemp("forty")
+    simulate_campaign(PAPER, 40, 1, folder)
+    return contents(folder)
+
+
 def die(folder: Path, after: int | None, runs: int = RUNS) -> int:
     """Simulate a campaign until so many changes to files are made; return how many there were."""
     with pytest.MonkeyPatch.context() as patch:
@@ -338,29 +346,27 @@ def go_on(folder: Path, *options: str) -> str:
     return err
 
 
-def test_the_command_goes_on_after_it_was_killed(tmp_path: Path) -> None:
-    options = "--runs", "60"
-    simulate_campaign(PAPER, 60, 1, tmp_path / "whole")
-    kill_after(start(tmp_path / "out", *options), tmp_path / "out", 20)
+def test_the_command_goes_on_after_it_was_killed(tmp_path: Path, forty: dict[str, bytes]) -> None:
+    options = "--runs", "40"
+    kill_after(start(tmp_path / "out", *options), tmp_path / "out", 10)
     there = len(list((tmp_path / "out" / ".campaign").glob("*_*.json")))
-    assert 20 <= there + 1 < 60
-    assert f"resuming: {there} of 60 runs are there" in go_on(tmp_path / "out", *options)
-    assert contents(tmp_path / "out") == contents(tmp_path / "whole")
-    assert len(names_in(tmp_path / "out")) == 61
+    assert 10 <= there + 1 < 40
+    assert f"resuming: {there} of 40 runs are there" in go_on(tmp_path / "out", *options)
+    assert contents(tmp_path / "out") == forty
+    assert len(names_in(tmp_path / "out")) == 41
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", ["1", "2"])
-def test_the_command_may_be_killed_at_any_moment(workers: str, tmp_path: Path) -> None:
-    options = "--runs", "90", "--workers", workers
-    simulate_campaign(PAPER, 90, 1, tmp_path / "whole")
-    for number, (logs, wait_s) in enumerate([(0, 0.3), (1, 0.0), (40, 0.003), (70, 0.007)]):
+def test_the_command_may_be_killed_at_any_moment(workers: str, tmp_path: Path, forty: dict[str, bytes]) -> None:
+    options = "--runs", "40", "--workers", workers
+    for number, (logs, wait_s) in enumerate([(0, 0.3), (1, 0.0), (18, 0.003), (31, 0.007)]):
         out = tmp_path / str(number)
         kill_after(start(out, *options), out, logs, wait_s)
         kill_after(start(out, *options), out, 0, 0.5)
         if not (out / "truth.json").exists():  # else it was done before the kill
             go_on(out, *options)
-        assert contents(out) == contents(tmp_path / "whole")
+        assert contents(out) == forty
         assert not (out / ".campaign").exists()
 
 
