@@ -34,7 +34,7 @@ def test_a_reader_never_sees_an_empty_or_mixed_statistic(where: str, tmp_path: P
         watching = pool.submit(watch, where, str(ready), str(stop))
         while not ready.exists():
             assert not watching.done()
-        for number in range(50):
+        for number in range(25):
             ingest(kb, frame_of_runs(range(number, number + 3)))
             update_statistics(kb, ("paper", "ols")[number % 2])
         stop.touch()

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from amounts import many
 
 from hrclog.errors import LogReadError
 from hrclog.log.journal import journal_path
@@ -130,26 +131,27 @@ def _check(folder: Path) -> str:
 
 
 @pytest.mark.parametrize(("pace_s", "longest_s"), [(0.0, 0.04), (0.003, 0.15)])
-def test_a_hundred_kills_lose_nothing_that_was_acknowledged(
+def test_kills_lose_nothing_that_was_acknowledged(
     server: Server, tmp_path: Path, pace_s: float, longest_s: float
 ) -> None:
     chance = random.Random(f"{pace_s}")
     states: set[str] = set()
     n_events = 0
-    for number in range(100):
+    kills = many(40, fuzz=400)
+    for number in range(kills):
         folder = tmp_path / str(number)
         folder.mkdir()
         server.record_and_kill(folder, pace_s, 10**6, chance.uniform(0.0, longest_s))
         states.add(_check(folder))
         n_events += len(_acknowledged(folder))
     assert "run.mcap.partial" in states
-    assert n_events > 1000
+    assert n_events > 10 * kills
 
 
 def test_kills_around_the_end_of_a_run_leave_its_journal_or_its_log(server: Server, tmp_path: Path) -> None:
     chance = random.Random(0)
     states: set[str] = set()
-    for number in range(60):
+    for number in range(many(40)):
         folder = tmp_path / str(number)
         folder.mkdir()
         server.record_and_kill(folder, 0.0, chance.randrange(1, 60), chance.uniform(0.0, 0.03))
