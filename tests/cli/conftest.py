@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,23 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., Result]:
     return call
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def samples() -> Path:
     return SAMPLES
+
+
+@dataclass(frozen=True)
+class Analyzed:
+    """What `hrclog analyze` makes of the sample campaign: a folder, and JSON on standard output."""
+
+    folder: Path
+    out: str
+
+
+@pytest.fixture(scope="session")
+def analyzed(samples: Path, tmp_path_factory: pytest.TempPathFactory) -> Analyzed:
+    """Return an analysis that many tests look at and none changes."""
+    folder = tmp_path_factory.mktemp("analyzed")
+    with redirect_stdout(io.StringIO()) as out:
+        assert main(["analyze", str(samples / "campaign"), "-o", str(folder), "--json"]) == 0
+    return Analyzed(folder, out.getvalue())
