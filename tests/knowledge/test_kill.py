@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from amounts import many
+from sizes import many
 from kb_runs import state_at
 from kb_work import ingest_runs
 
@@ -100,7 +100,7 @@ def test_what_a_kill_leaves_is_whole_and_going_on_completes_it(
 ) -> None:
     chance = random.Random(step)
     counts: list[int] = []
-    for number in range(many(30)):
+    for number in range(30):
         where = str(tmp_path / f"{number}.sqlite")
         killer.ingest_and_kill(where, step, chance.uniform(0.0, 0.6))
         counts.append(_check_whole(where))
@@ -113,7 +113,7 @@ def test_what_a_kill_leaves_is_whole_and_going_on_completes_it(
 def test_many_kills_of_one_knowledge_base_do_it_no_harm(killer: Killer, expected: object, where: str) -> None:
     chance = random.Random(where[:4])
     before = 0
-    for _ in range(many(15)):
+    for _ in range(many(15, fuzz=250)):
         killer.ingest_and_kill(where, 20, chance.uniform(0.0, 0.25))
         now = _check_whole(where)
         assert now >= before

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from amounts import many
+from sizes import many
 
 from hrclog.errors import LogReadError
 from hrclog.log.journal import journal_path
@@ -151,7 +151,7 @@ def test_kills_lose_nothing_that_was_acknowledged(
 def test_kills_around_the_end_of_a_run_leave_its_journal_or_its_log(server: Server, tmp_path: Path) -> None:
     chance = random.Random(0)
     states: set[str] = set()
-    for number in range(many(40)):
+    for number in range(many(40, fuzz=600)):
         folder = tmp_path / str(number)
         folder.mkdir()
         server.record_and_kill(folder, 0.0, chance.randrange(1, 60), chance.uniform(0.0, 0.03))

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from amounts import many
+from sizes import many
 
 ROOT = Path(__file__).parents[2]
 ROW = re.compile(r"^\| (\w+) \| (\w+) \| \S+ ± \S+ \| \S+ ± \S+ \| ([+-][\d.]+) % \|", re.MULTILINE)

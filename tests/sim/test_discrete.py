@@ -7,6 +7,7 @@ from collections import defaultdict
 from itertools import pairwise
 
 import pytest
+from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -211,7 +212,7 @@ def check_all(scenario: Scenario, run: Run) -> None:
     check_safety(scenario, run)
 
 
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(scenarios(), st.integers(0, 2**40), st.integers(0, 3))
 def test_every_law_holds_in_any_cell(scenario: Scenario, seed: int, index: int) -> None:
     check_all(scenario, simulate_run(scenario, seed, index))

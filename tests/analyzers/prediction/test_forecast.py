@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from amounts import many
+from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import frame, row

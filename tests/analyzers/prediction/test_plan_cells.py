@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import polars as pl
 import pytest
-from amounts import many
+from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, row, rows

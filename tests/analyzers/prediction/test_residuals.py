@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from amounts import many
+from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

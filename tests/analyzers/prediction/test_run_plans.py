@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import polars as pl
 import pytest
-from amounts import many
+from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, row

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import polars as pl
 import pytest
-from amounts import many
+from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, random_runs, row, rows

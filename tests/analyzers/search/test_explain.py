@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planning import true_times
@@ -27,7 +28,7 @@ def _worlds(seed: int) -> Worlds:
     return Worlds(source.uniform(0.5, 5.0, (2, 5, 4)), rate, source.uniform(0.0, 0.5, (2, 3, 4)))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=many(30), deadline=None)
 @given(st.lists(_ROWS, min_size=1, max_size=3), st.integers(0, 99))
 def test_overlaps_are_those_of_every_two_executions(rows: list[tuple[list[str], ...]], seed: int) -> None:
     plans = encode_queues("ABC", _KEYS, [dict(zip("ABC", row, strict=True)) for row in rows])

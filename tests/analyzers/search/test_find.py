@@ -54,7 +54,7 @@ def test_every_method_finds_a_plan_that_solves_the_problem(name: str, method: Me
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_constraint_programming_finds_a_plan_that_solves_the_problem(name: str) -> None:
-    check_found(name, Wish(method=Method.CPSAT, effort=Effort(600, 4.0)))
+    check_found(name, Wish(method=Method.CPSAT, effort=Effort(600, 2.0)))
 
 
 def check_found(name: str, wish: Wish) -> None:

@@ -41,8 +41,7 @@ def told_of(name: str, times: TaskTimes | None = None, worlds: int = 400, seed: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [0, 1, 2])
-@pytest.mark.parametrize("name", ["paper", "three-agents"])
+@pytest.mark.parametrize(("name", "number"), [("paper", 0), ("paper", 1), ("three-agents", 2)])
 def test_a_forecast_is_that_of_runs_in_the_simulator(name: str, number: int) -> None:
     scenario, plan = scenario_of(name), plan_of(name, number)
     found = np.array([makespan_s(simulate_run(scenario, 11, index, plan)) for index in range(400)])

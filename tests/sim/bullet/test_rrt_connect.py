@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from sizes import many
 from bullet_body import bullet_body
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -42,7 +43,7 @@ def around(seed: int, **options: int) -> list[FloatArray] | None:
     return rrt_connect(START, GOAL, LOWER, UPPER, wall, source, step=0.1, resolution=RESOLUTION, **options)
 
 
-@settings(max_examples=20)
+@settings(max_examples=many(20))
 @given(st.integers(0, 10**6))
 def test_a_way_around_a_wall_is_free_and_within_the_limits(seed: int) -> None:
     way = around(seed)
@@ -54,7 +55,7 @@ def test_a_way_around_a_wall_is_free_and_within_the_limits(seed: int) -> None:
     assert all(((q >= LOWER) & (q <= UPPER)).all() for q in way)
 
 
-@settings(max_examples=20)
+@settings(max_examples=many(20))
 @given(st.integers(0, 10**6))
 def test_shortcuts_make_no_way_longer(seed: int) -> None:
     rough = around(seed, shortcuts=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sizes import many
 
 from hrclog.log.encode import JointSignal
 from hrclog.sim.bullet.engine import cell_of
@@ -20,7 +21,7 @@ def test_the_human_walks_beside_the_fixtures(name: str) -> None:
     pytest.importorskip("pybullet")
     scenario = load_scenario(name)
     cell = cell_of(scenario)
-    for index in range(4):
+    for index in range(many(3, fuzz=20)):
         run = simulate_run(scenario, 1, index, engine="bullet")
         feet = np.array(
             [
