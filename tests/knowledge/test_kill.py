@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sizes import many
 from kb_runs import state_at
 from kb_work import ingest_runs
+from sizes import many
 
 from hrclog.knowledge import open_knowledge
 

@@ -7,9 +7,9 @@ from collections import defaultdict
 from itertools import pairwise
 
 import pytest
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sizes import many
 
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import (

@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import frame, row
 from scipy.stats import norm
+from sizes import many
 
 from hrclog.analyzers.prediction.forecast import score_forecast
 from hrclog.analyzers.prediction.scoring_rules import HIGH, LEVELS, LOW, crps, interval_score

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import polars as pl
 import pytest
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, row, rows
+from sizes import many
 
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.projections.intervals import counted

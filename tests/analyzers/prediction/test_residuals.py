@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sizes import many
 
 from hrclog.analyzers.prediction.residuals import Learning, Observed, Session
 from hrclog.analyzers.prediction.scoring_rules import HIGH, LOW

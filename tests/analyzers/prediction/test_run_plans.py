@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import polars as pl
 import pytest
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, row
+from sizes import many
 
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.prediction.run_plans import RunPlan, run_plans

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import polars as pl
 import pytest
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, random_runs, row, rows
+from sizes import many
 
 from hrclog.analyzers.prediction.timelines import Timeline, Timelines
 from hrclog.analyzers.projections.intervals import counted

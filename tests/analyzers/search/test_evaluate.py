@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sizes import many
 from hypothesis import given
 from hypothesis import strategies as st
 from planning import makespan_s, timeline_s, true_times, world_of
+from sizes import many
 
 from hrclog.analyzers.search.encoded import encode_plans, encode_queues
 from hrclog.analyzers.search.evaluate import Begun, evaluate

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planning import true_times
+from sizes import many
 
 from hrclog.analyzers.search.encoded import encode_queues
 from hrclog.analyzers.search.evaluate import evaluate

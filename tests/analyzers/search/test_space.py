@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from itertools import permutations, product
 
-from sizes import many
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planning_problems import problems
+from sizes import many
 
 from hrclog.analyzers.search.judge import possible_plan
 from hrclog.analyzers.search.space import Space, space_of

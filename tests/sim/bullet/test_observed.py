@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 
 import pytest
-from sizes import many
 from cells import small_cell, small_scenario
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sizes import many
 
 from hrclog.sim.bullet.observed import LEAST_PROGRESS_S, observed_truth
 from hrclog.sim.bullet.stepped import TICK_S

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from sizes import many
 from bullet_body import bullet_body
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sizes import many
 
 from hrclog.arrays import FloatArray
 from hrclog.sim.bullet.rrt_connect import edge_free, rrt_connect, shortcut

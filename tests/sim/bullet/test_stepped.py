@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from sizes import many
 from cells import HUMAN, ROBOT, START_NS, Stage, small_cell, small_plan, small_scenario, with_areas
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sizes import many
 
 from hrclog.events import (
     AnnotationAdded,

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from sizes import many
 from bullet_body import bullet_body
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from sizes import many
 
 from hrclog.arrays import FloatArray
 from hrclog.sim.cell.robot_kinematics import JOINT_NAMES, RailArm, top_down
