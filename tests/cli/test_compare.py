@@ -30,7 +30,7 @@ def sides(samples: Path) -> tuple[str, str]:
 
 
 def fast(*arguments: object) -> list[object]:
-    return ["compare", *arguments, "--estimator", "ols", "--bootstrap", "20"]
+    return ["compare", *arguments, "--estimator", "ols", "--bootstrap", "40"]
 
 
 def test_the_tables_and_what_they_rest_on_are_printed(run: Run, sides: tuple[str, str]) -> None:

@@ -9,7 +9,6 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sizes import many
 
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import (
@@ -212,7 +211,7 @@ def check_all(scenario: Scenario, run: Run) -> None:
     check_safety(scenario, run)
 
 
-@settings(max_examples=many(150))
+@settings(max_examples=150)
 @given(scenarios(), st.integers(0, 2**40), st.integers(0, 3))
 def test_every_law_holds_in_any_cell(scenario: Scenario, seed: int, index: int) -> None:
     check_all(scenario, simulate_run(scenario, seed, index))

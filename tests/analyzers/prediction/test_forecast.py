@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import frame, row
 from scipy.stats import norm
-from sizes import many
 
 from hrclog.analyzers.prediction.forecast import score_forecast
 from hrclog.analyzers.prediction.scoring_rules import HIGH, LEVELS, LOW, crps, interval_score
@@ -44,7 +43,7 @@ def test_crps_of_a_normal_forecast_is_its_closed_form(observed: float) -> None:
     assert found == pytest.approx(expected, rel=0.01)
 
 
-@settings(max_examples=many(50))
+@settings(max_examples=50)
 @given(st.lists(st.floats(0.1, 100), min_size=len(LEVELS), max_size=len(LEVELS)), st.floats(0.01, 200))
 def test_crps_is_the_integral_of_the_squared_distance_between_distributions(
     values: list[float], observed: float
@@ -91,7 +90,7 @@ def test_the_density_of_a_duration_integrates_to_one(log_work: LogWork, timeline
     assert total == pytest.approx(1, abs=2e-3)
 
 
-@settings(max_examples=many(40))
+@settings(max_examples=40)
 @given(st.floats(-3, 4), st.floats(1e-4, 1.5), st.floats(1e-3, 100))
 def test_quantiles_of_a_duration_are_where_its_work_has_that_quantile(
     center: float, deviation: float, observed: float

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, row, rows
-from sizes import many
 
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.projections.intervals import counted
@@ -99,7 +98,7 @@ def test_going_home_and_steps_of_sequences_are_no_part_of_a_plan() -> None:
     assert cells([*plan("run", *TASKS), *more]) == cells(plan("run", *TASKS))
 
 
-@settings(max_examples=many(40))
+@settings(max_examples=40)
 @given(rows(max_size=12, runs="rst"), st.integers(0, 100))
 def test_the_order_of_rows_is_irrelevant_and_nothing_is_lost(found: list[Row], seed: int) -> None:
     expected = plan_cells(frame(found)).sort("run_id", "execution_id")
@@ -109,7 +108,7 @@ def test_the_order_of_rows_is_irrelevant_and_nothing_is_lost(found: list[Row], s
     assert expected.select(pl.all().is_not_null().all()).row(0) == (True,) * 4
 
 
-@settings(max_examples=many(40))
+@settings(max_examples=40)
 @given(rows(max_size=12, plain=True))
 def test_positions_of_an_agent_count_from_zero(found: list[Row]) -> None:
     joined = plan_cells(frame(found)).join(frame(found), on=["run_id", "execution_id"])

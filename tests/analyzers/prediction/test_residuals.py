@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sizes import many
 
 from hrclog.analyzers.prediction.residuals import Learning, Observed, Session
 from hrclog.analyzers.prediction.scoring_rules import HIGH, LOW
@@ -146,7 +145,7 @@ def test_all_executions_of_a_run_are_judged_by_what_was_known_before_it() -> Non
     assert one.predict(("H", "a"), "new").center == pytest.approx(other.predict(("H", "a"), "new").center)
 
 
-@settings(max_examples=many(30))
+@settings(max_examples=30)
 @given(
     st.lists(
         st.lists(st.tuples(st.sampled_from(KEYS), st.sampled_from("xy"), st.floats(-30, 30)), max_size=4), max_size=12

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, row
-from sizes import many
 
 from hrclog.analyzers.prediction.plan_cells import plan_cells
 from hrclog.analyzers.prediction.run_plans import RunPlan, run_plans
@@ -198,7 +197,7 @@ ITEMS = st.lists(st.tuples(st.sampled_from("ab"), PLANNED), min_size=1, max_size
 WORK = st.floats(1e-6, 1e4)
 
 
-@settings(max_examples=many(60))
+@settings(max_examples=60)
 @given(st.dictionaries(st.sampled_from("HRS"), ITEMS, min_size=1), st.data())
 def test_every_run_comes_to_an_end_not_before_anybody_is_through(
     items: dict[str, list[Item]], data: st.DataObject
@@ -216,7 +215,7 @@ def test_every_run_comes_to_an_end_not_before_anybody_is_through(
     assert predicted(plan, works, gaps) >= least * (1 - 1e-9) - 1e-6
 
 
-@settings(max_examples=many(30))
+@settings(max_examples=30)
 @given(st.lists(WORK, min_size=2, max_size=2), st.floats(1e-3, 1e3))
 def test_time_has_no_unit(work_s: list[float], unit: float) -> None:
     a, b = ("H", "a"), ("R", "b")

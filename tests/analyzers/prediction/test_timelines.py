@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, random_runs, row, rows
-from sizes import many
 
 from hrclog.analyzers.prediction.timelines import Timeline, Timelines
 from hrclog.analyzers.projections.intervals import counted
@@ -46,7 +45,7 @@ def work_by_steps(own: Row, found: list[Row], factors: dict[AgentTask, float], s
     return work
 
 
-@settings(max_examples=many(60))
+@settings(max_examples=60)
 @given(rows(max_size=10, scale=S), LOG_FACTORS, st.integers(0, 45))
 def test_work_is_the_integral_of_the_rate_over_whatever_the_others_do(
     found: list[Row], factors: dict[AgentTask, float], seconds: int
@@ -58,7 +57,7 @@ def test_work_is_the_integral_of_the_rate_over_whatever_the_others_do(
         assert line.work_after(float(seconds)) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-@settings(max_examples=many(60))
+@settings(max_examples=60)
 @given(rows(max_size=10, scale=S), LOG_FACTORS, st.lists(st.floats(1e-9, 1e4), min_size=1, max_size=5))
 def test_the_time_for_work_and_the_work_after_a_time_are_inverse(
     found: list[Row], factors: dict[AgentTask, float], values: list[float]

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planning import true_times
-from sizes import many
 
 from hrclog.analyzers.search.encoded import encode_queues
 from hrclog.analyzers.search.evaluate import evaluate
@@ -28,7 +27,7 @@ def _worlds(seed: int) -> Worlds:
     return Worlds(source.uniform(0.5, 5.0, (2, 5, 4)), rate, source.uniform(0.0, 0.5, (2, 3, 4)))
 
 
-@settings(max_examples=many(30), deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(_ROWS, min_size=1, max_size=3), st.integers(0, 99))
 def test_overlaps_are_those_of_every_two_executions(rows: list[tuple[list[str], ...]], seed: int) -> None:
     plans = encode_queues("ABC", _KEYS, [dict(zip("ABC", row, strict=True)) for row in rows])

@@ -8,7 +8,6 @@ from itertools import permutations, product
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from planning_problems import problems
-from sizes import many
 
 from hrclog.analyzers.search.judge import possible_plan
 from hrclog.analyzers.search.space import Space, space_of
@@ -18,14 +17,14 @@ from hrclog.planning.random_plans import random_plans
 _SMALL = problems().map(space_of).filter(lambda space: space.size(400) <= 400)
 
 
-@settings(max_examples=many(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(_SMALL)
 def test_the_plans_of_a_space_are_all_different_and_as_many_as_its_size(space: Space) -> None:
     candidates = list(space.candidates())
     assert len(set(candidates)) == len(candidates) == space.size(10_000)
 
 
-@settings(max_examples=many(40), deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(_SMALL)
 def test_every_plan_does_every_unit_as_often_as_asked_by_agents_that_can(space: Space) -> None:
     for candidate in space.candidates():
@@ -33,7 +32,7 @@ def test_every_plan_does_every_unit_as_often_as_asked_by_agents_that_can(space: 
         assert all(a in space.units[u].agents for a, row in zip(space.agents, candidate, strict=True) for u in row)
 
 
-@settings(max_examples=many(20), deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(problems((1, 2), rules=False).map(space_of).filter(lambda space: sum(space.counts) <= 6))
 def test_the_plans_are_those_that_brute_force_over_copies_finds(space: Space) -> None:
     copies = [unit for unit, count in enumerate(space.counts) for _ in range(count)]
@@ -44,7 +43,7 @@ def test_the_plans_are_those_that_brute_force_over_copies_finds(space: Space) ->
     assert found == set(space.candidates())
 
 
-@settings(max_examples=many(10), deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(problems((2,)).map(space_of).filter(lambda space: space.size(60) <= 60), st.integers(0, 9))
 def test_plans_drawn_at_random_are_among_the_candidates(space: Space, seed: int) -> None:
     plans = [possible_plan(space, candidate) for candidate in space.candidates()]

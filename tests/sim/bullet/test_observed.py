@@ -9,7 +9,6 @@ import pytest
 from cells import small_cell, small_scenario
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sizes import many
 
 from hrclog.sim.bullet.observed import LEAST_PROGRESS_S, observed_truth
 from hrclog.sim.bullet.stepped import TICK_S
@@ -110,7 +109,7 @@ run_lists = st.lists(st.lists(st.one_of(pairs, executions), max_size=4).map(lamb
 
 
 @given(run_lists, st.randoms(use_true_random=False))
-@settings(max_examples=many(30))
+@settings(max_examples=30)
 def test_neither_the_order_of_the_runs_nor_their_bounds_matter(runs: list[RunTruth], random: object) -> None:
     truth = truth_of(*runs)
     turned = list(runs)
@@ -122,7 +121,7 @@ def test_neither_the_order_of_the_runs_nor_their_bounds_matter(runs: list[RunTru
 
 
 @given(run_lists)
-@settings(max_examples=many(30))
+@settings(max_examples=30)
 def test_the_same_runs_twice_are_the_same_truth_and_factors_are_never_below_one(runs: list[RunTruth]) -> None:
     once, twice = truth_of(*runs), truth_of(*runs, *runs)
     for one, two in zip(once.synergies, twice.synergies, strict=True):
@@ -136,7 +135,7 @@ def test_the_same_runs_twice_are_the_same_truth_and_factors_are_never_below_one(
 
 
 @given(run_lists)
-@settings(max_examples=many(20))
+@settings(max_examples=20)
 def test_what_was_observed_comes_back_from_its_file(tmp_path: Path, runs: list[RunTruth]) -> None:
     path = tmp_path / "truth.json"
     path.unlink(missing_ok=True)

@@ -10,7 +10,6 @@ import pytest
 from bullet_body import bullet_body
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sizes import many
 
 from hrclog.arrays import FloatArray
 from hrclog.sim.bullet.rrt_connect import edge_free, rrt_connect, shortcut
@@ -43,7 +42,7 @@ def around(seed: int, **options: int) -> list[FloatArray] | None:
     return rrt_connect(START, GOAL, LOWER, UPPER, wall, source, step=0.1, resolution=RESOLUTION, **options)
 
 
-@settings(max_examples=many(20))
+@settings(max_examples=20)
 @given(st.integers(0, 10**6))
 def test_a_way_around_a_wall_is_free_and_within_the_limits(seed: int) -> None:
     way = around(seed)
@@ -55,7 +54,7 @@ def test_a_way_around_a_wall_is_free_and_within_the_limits(seed: int) -> None:
     assert all(((q >= LOWER) & (q <= UPPER)).all() for q in way)
 
 
-@settings(max_examples=many(20))
+@settings(max_examples=20)
 @given(st.integers(0, 10**6))
 def test_shortcuts_make_no_way_longer(seed: int) -> None:
     rough = around(seed, shortcuts=0)

@@ -10,7 +10,6 @@ import pytest
 from cells import HUMAN, ROBOT, START_NS, Stage, small_cell, small_plan, small_scenario, with_areas
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sizes import many
 
 from hrclog.events import (
     AnnotationAdded,
@@ -375,7 +374,7 @@ deeds = st.lists(
 )
 
 
-@settings(max_examples=many(8))
+@settings(max_examples=8)
 @given(deeds, st.floats(0.0, 1.0))
 def test_time_adds_up_and_hands_hold_one_thing_whatever_is_told(
     stage: Stages, told: list[tuple[str, str, int, bool]], scale: float

@@ -9,7 +9,6 @@ import pytest
 from bullet_body import bullet_body
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from sizes import many
 
 from hrclog.arrays import FloatArray
 from hrclog.sim.cell.human_kinematics import (
@@ -139,7 +138,7 @@ def test_the_torso_bends_only_as_far_as_the_stretched_arm_needs(forward: float, 
         assert joint(q, "left_elbow_pitch") < 0.01
 
 
-@settings(max_examples=many(50))
+@settings(max_examples=50)
 @given(bases, st.floats(0.35, 0.5), st.floats(-0.1, 0.1), st.floats(1.0, 1.4), sides)
 def test_what_lies_before_a_shoulder_is_reached_without_bending(
     base: tuple[float, float, float], forward: float, aside: float, height: float, side: Side

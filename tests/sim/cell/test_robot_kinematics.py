@@ -9,7 +9,6 @@ import pytest
 from bullet_body import bullet_body
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from sizes import many
 
 from hrclog.arrays import FloatArray
 from hrclog.sim.cell.robot_kinematics import JOINT_NAMES, RailArm, top_down
@@ -76,7 +75,7 @@ def test_the_tip_is_where_pybullet_sees_it() -> None:
             np.testing.assert_allclose(ARM.forward(q), body.pose(7), atol=1e-6)
 
 
-@settings(max_examples=many(60))
+@settings(max_examples=60)
 @given(arms, joints)
 def test_inverse_finds_the_joints_that_forward_came_from(arm: RailArm, q: FloatArray) -> None:
     assume(abs(math.sin(q[5])) > 1e-3)  # else the wrist is singular: infinitely many solutions
@@ -88,7 +87,7 @@ def test_inverse_finds_the_joints_that_forward_came_from(arm: RailArm, q: FloatA
     assert away.min() < 1e-6
 
 
-@settings(max_examples=many(60))
+@settings(max_examples=60)
 @given(arms, st.lists(joints, min_size=1, max_size=3), st.lists(st.floats(0.0, 1.45), min_size=1, max_size=3))
 def test_every_solution_reaches_its_pose_within_the_limits(
     arm: RailArm, wishes: list[FloatArray], rails: list[float]
@@ -159,7 +158,7 @@ def test_top_down_points_down_and_turns_about_the_vertical() -> None:
     np.testing.assert_allclose(pose[:3, 3], [0.1, 0.2, 0.3])
 
 
-@settings(max_examples=many(40))
+@settings(max_examples=40)
 @given(arms, joints, st.integers(0, 2**32 - 1))
 def test_velocities_are_finite_differences(arm: RailArm, q: FloatArray, seed: int) -> None:
     random = np.random.default_rng(seed)
