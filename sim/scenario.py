@@ -15,7 +15,8 @@ from hrclog.errors import ScenarioError
 from hrclog.events import Role
 from hrclog.json_record import JsonRecord, attempt, check_all, read_json
 from hrclog.planning.dispatch_mode import DispatchMode
-from hrclog.planning.problem import PROBLEM_FIELDS, Problem, read_problem
+from hrclog.planning.problem import Problem
+from hrclog.planning.problem_json import PROBLEM_FIELDS, read_problem
 from hrclog.sim.cell.description import Cell
 from hrclog.sim.cell.from_json import CELL_FIELDS, TIME_FIELDS, lognormal_from_json, read_cell
 from hrclog.sim.lognormal import Lognormal

@@ -26,7 +26,7 @@ def load_problem(name: str) -> tuple[Problem, Scenario | None]:
         ScenarioError: there is no such scenario or file, or it is neither.
     """
     from hrclog.json_record import JsonRecord, read_json
-    from hrclog.planning.problem import PROBLEM_FIELDS, problem_from_json
+    from hrclog.planning.problem_json import PROBLEM_FIELDS, problem_from_json
     from hrclog.sim.scenario import load_scenario, scenario_names
 
     path = Path(name)

@@ -15,7 +15,7 @@ from hrclog.planning.order import Ledger, possible_sequence
 from hrclog.planning.problem import Precedence, PrecedenceKind, Problem
 from hrclog.planning.provenance import (
     FORECAST_FIELDS,
-    PROBLEM_FIELDS,
+    MADE_FOR_FIELDS,
     Expected,
     MadeFor,
     expected_from_json,
@@ -228,7 +228,7 @@ def plan_from_json(record: JsonRecord) -> Plan:
         record.text("name", "plan"),
         items,
         tuple(Arrival(entry.text("fact"), entry.number("at_s")) for entry in arrivals),
-        made_for_from_json(record.record("problem", PROBLEM_FIELDS)) if "problem" in record else None,
+        made_for_from_json(record.record("problem", MADE_FOR_FIELDS)) if "problem" in record else None,
         expected_from_json(record.record("expected", FORECAST_FIELDS)) if "expected" in record else None,
     )
 

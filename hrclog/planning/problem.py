@@ -6,7 +6,6 @@ A problem says nothing about order or time; a plan (`hrclog.planning.plan`) does
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import partial
@@ -15,7 +14,7 @@ from typing import Any, Final
 
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
-from hrclog.json_record import JsonRecord, check_all
+from hrclog.json_record import check_all
 from hrclog.wording import counted
 
 LONGEST_S: Final = 1e7
@@ -139,7 +138,7 @@ class Problem:
         return units
 
     def to_json(self) -> dict[str, Any]:
-        """Return the problem as JSON values, the inverse of `problem_from_json`."""
+        """Return the problem as JSON values, the inverse of `problem_json.problem_from_json`."""
         return {
             "agents": list(self.agents),
             "tasks": [_task_json(task) for task in self.tasks],
@@ -148,65 +147,6 @@ class Problem:
             ],
             "precedences": [{"before": p.before, "after": p.after, "kind": str(p.kind)} for p in self.precedences],
         }
-
-
-PROBLEM_FIELDS: Final = ("agents", "tasks", "counts", "precedences")
-
-_TASK_FIELDS: Final = (
-    *("name", "type", "agents", "targets", "role"),
-    *("resources", "release_s", "due_s", "expected_s"),
-)
-
-
-@dataclass(frozen=True, slots=True)
-class ProblemParts:
-    """What a file says of a problem, before its parts are checked against each other."""
-
-    where: str
-    agents: tuple[str, ...]
-    tasks: tuple[Task, ...]
-    counts: tuple[Count, ...]
-    precedences: tuple[Precedence, ...]
-
-    def problem(self) -> Problem:
-        """Return the problem.
-
-        Raises:
-            ScenarioError: the parts contradict each other.
-        """
-        try:
-            return Problem(self.agents, self.tasks, self.counts, self.precedences)
-        except ScenarioError as error:
-            raise error.at(self.where) from error
-
-
-def problem_from_json(record: JsonRecord) -> Problem:
-    """Return the problem of a JSON object with the fields of `PROBLEM_FIELDS`.
-
-    Raises:
-        ScenarioError: a field is missing or wrong, or the parts contradict each other.
-    """
-    parts = read_problem(record)
-    record.check()
-    return parts.problem()
-
-
-def read_problem(record: JsonRecord) -> ProblemParts:
-    """Return what a JSON object with the fields of `PROBLEM_FIELDS` says of a problem.
-
-    Raises:
-        ScenarioError: a field is missing or wrong, where the record does not collect problems.
-    """
-    tasks = record.parts(record.records("tasks", _TASK_FIELDS), _task_from_json)
-    counts = record.parts(
-        record.records("counts", ("task", "agent", "count")),
-        lambda entry: Count(entry.text("task"), entry.integer("count"), entry.text("agent", "")),
-    )
-    precedences = record.parts(
-        record.records("precedences", ("before", "after", "kind"), required=False),
-        lambda entry: Precedence(entry.text("before"), entry.text("after"), _kind(entry)),
-    )
-    return ProblemParts(record.where, record.texts("agents"), tasks, counts, precedences)
 
 
 def _task_json(task: Task) -> dict[str, Any]:
@@ -227,50 +167,6 @@ def _task_json(task: Task) -> dict[str, Any]:
     if task.expected_s:
         values["expected_s"] = dict(task.expected_s)
     return values
-
-
-def _task_from_json(entry: JsonRecord) -> Task:
-    agents = entry.texts("agents")
-    return Task(
-        name=entry.text("name"),
-        agents=agents,
-        task_type=entry.text("type", ""),
-        targets=entry.texts("targets", ()),
-        role=_role(entry),
-        resources=entry.texts("resources", ()),
-        release_s=entry.number("release_s", 0.0),
-        due_s=entry.number("due_s") if "due_s" in entry else None,
-        expected_s=_expected_s(entry, agents),
-    )
-
-
-def _expected_s(entry: JsonRecord, agents: Iterable[str]) -> dict[str, float]:
-    """Return the declared durations by agent; a single number holds for all of them."""
-    if "expected_s" not in entry:
-        return {}
-    strict = entry.strict()
-    with suppress(ScenarioError):
-        return dict.fromkeys(agents, strict.positive("expected_s"))
-    try:
-        names = strict.names("expected_s")
-    except ScenarioError as error:
-        raise entry.error("expected_s", "a number above 0, or an object with one for each agent") from error
-    by_agent = entry.record("expected_s", names)
-    return {agent: by_agent.positive(agent) for agent in names}
-
-
-def _role(entry: JsonRecord) -> Role:
-    role = entry.text("role", Role.PRIMARY)
-    if role not in tuple(Role):
-        raise entry.error("role", f"one of {', '.join(Role)}")
-    return Role(role)
-
-
-def _kind(entry: JsonRecord) -> PrecedenceKind:
-    kind = entry.text("kind", PrecedenceKind.NEXT)
-    if kind not in tuple(PrecedenceKind):
-        raise entry.error("kind", f"one of {', '.join(PrecedenceKind)}")
-    return PrecedenceKind(kind)
 
 
 def _follow(task: str, follower: dict[str, str]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import Any, Final
 from hrclog.json_record import JsonRecord
 from hrclog.planning.problem import Problem
 
-PROBLEM_FIELDS: Final = ("name", "digest")
+MADE_FOR_FIELDS: Final = ("name", "digest")
 FORECAST_FIELDS: Final = ("mean_s", "mean_low_s", "mean_high_s", "run_low_s", "run_high_s", "worlds")
 
 _DIGITS: Final = 16  # of the digest, as hexadecimal text

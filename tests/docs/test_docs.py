@@ -21,7 +21,7 @@ from hrclog.cli import VERBS
 from hrclog.diagnostic import CODES
 from hrclog.events import COLUMNS, EVENT_CLASSES
 from hrclog.planning.dispatch_mode import MODES
-from hrclog.planning.problem import PROBLEM_FIELDS
+from hrclog.planning.problem_json import PROBLEM_FIELDS
 from hrclog.sim import scenario
 from hrclog.sim.cell.from_json import CELL_FIELDS, TIME_FIELDS
 from hrclog.sim.cell.safety_settings import POLICIES

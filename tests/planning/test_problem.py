@@ -11,15 +11,14 @@ from hrclog.events import Role
 from hrclog.json_record import JsonRecord
 from hrclog.planning.dispatch_mode import DispatchMode
 from hrclog.planning.problem import (
-    PROBLEM_FIELDS,
     Count,
     Precedence,
     PrecedenceKind,
     Problem,
     Task,
     Unit,
-    problem_from_json,
 )
+from hrclog.planning.problem_json import PROBLEM_FIELDS, problem_from_json
 
 BOTH = ("human", "robot")
 PICK, PLACE = Task("pick", BOTH, "pick"), Task("place", BOTH, "place")
