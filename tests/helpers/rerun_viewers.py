@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PIL import Image
@@ -95,18 +96,33 @@ def show(viewer: ViewerClient, path: Path) -> None:
 
 
 def tabs(viewer: ViewerClient) -> Iterator[str]:
-    """Bring every tab to the front in turn, and yield its path."""
+    """Bring every tab to the front in turn, those within others too, and yield its path."""
     layout = viewer.get_blueprint().blueprint
-    for path, parts in layout.items():
-        container = parts.get("ContainerBlueprint", {})
-        if container.get("container_kind") != "Tabs":
-            continue
-        for tab in container["contents"]:
-            changed = copy.deepcopy(layout)
-            changed[path]["ContainerBlueprint"]["active_tab"] = tab
-            viewer.set_blueprint(changed, of="recording")
-            time.sleep(0.7)
-            yield tab
+    holders = {path: parts["ContainerBlueprint"] for path, parts in layout.items() if "contents" in _container(parts)}
+    parents = {part: path for path, holder in holders.items() for part in holder["contents"]}
+    tabbed = {path for path, holder in holders.items() if holder.get("container_kind") == "Tabs"}
+    for tab in (part for part, parent in parents.items() if parent in tabbed and part not in tabbed):
+        changed = copy.deepcopy(layout)
+        part = tab
+        while part in parents:
+            if parents[part] in tabbed:
+                changed[parents[part]]["ContainerBlueprint"]["active_tab"] = part
+            part = parents[part]
+        viewer.set_blueprint(changed, of="recording")
+        _drawn(viewer)
+        yield tab
+
+
+def _container(parts: dict[str, Any]) -> dict[str, Any]:
+    container: dict[str, Any] = parts.get("ContainerBlueprint", {})
+    return container
+
+
+def _drawn(viewer: ViewerClient) -> None:
+    """Wait until what was asked for is on the screen: a broken picture is told about 0.1 s after its tab came up."""
+    time.sleep(0.2)
+    for _ in range(3):  # each is answered between two frames
+        viewer.get_state()
 
 
 def complaints(viewer: ViewerClient) -> list[str]:
