@@ -99,14 +99,14 @@ def tabs(viewer: ViewerClient) -> Iterator[str]:
     """Bring every tab to the front in turn, those within others too, and yield its path."""
     layout = viewer.get_blueprint().blueprint
     holders = {path: parts["ContainerBlueprint"] for path, parts in layout.items() if "contents" in _container(parts)}
-    parents = {part: path for path, holder in holders.items() for part in holder["contents"]}
+    parents = {f"/{part}": path for path, holder in holders.items() for part in holder["contents"]}
     tabbed = {path for path, holder in holders.items() if holder.get("container_kind") == "Tabs"}
     for tab in (part for part, parent in parents.items() if parent in tabbed and part not in tabbed):
         changed = copy.deepcopy(layout)
         part = tab
         while part in parents:
             if parents[part] in tabbed:
-                changed[parents[part]]["ContainerBlueprint"]["active_tab"] = part
+                changed[parents[part]]["ContainerBlueprint"]["active_tab"] = part.lstrip("/")
             part = parents[part]
         viewer.set_blueprint(changed, of="recording")
         _drawn(viewer)

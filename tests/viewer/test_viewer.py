@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+import rerun as rr
+import rerun.blueprint as rrb
 from cell_logs import RUN as CELL_RUN
 from cell_logs import write_cell_log
 from PIL import Image
@@ -42,6 +44,21 @@ ROWS = pl.DataFrame(
     orient="row",
 )
 RUN = dict.fromkeys(RUNS) | {"run_id": "run-1", "name": "a run", "path": "a.mcap", "agents": ["H", "R"], "outcome": ""}
+
+
+def test_a_broken_picture_behind_tabs_within_tabs_is_found(viewer: ViewerClient, tmp_path: Path) -> None:
+    recording = rr.RecordingStream("broken")
+    recording.save(tmp_path / "broken.rrd")
+    recording.log("whole", rr.Boxes2D(sizes=[[1, 1]]), static=True)
+    recording.log("broken", rr.EncodedImage(contents=b"no picture", media_type="image/png"), static=True)
+    first, second, third = (rrb.Spatial2DView(origin=name) for name in ("/whole", "/whole", "/broken"))
+    recording.send_blueprint(rrb.Blueprint(rrb.Tabs(first, rrb.Tabs(second, third))))
+    recording.flush()
+    show(viewer, tmp_path / "broken.rrd")
+    assert complaints(viewer) == []
+    found = ["picture" in str(complaints(viewer)) for _ in tabs(viewer)]
+    assert len(found) == 3
+    assert any(found)
 
 
 def test_every_view_of_a_run_shows_without_complaint(viewer: ViewerClient, tmp_path: Path) -> None:
@@ -108,4 +125,4 @@ def test_every_view_of_a_campaign_shows_without_complaint(viewer: ViewerClient, 
     seen = {view.view_class for view in viewer.get_state().views}
     assert seen == {"2D", "TextDocument"}
     assert colours(viewer, tmp_path / "campaign.png") > 100
-    assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * (7 + 5)
+    assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * (6 + 5)
