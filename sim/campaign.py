@@ -19,6 +19,7 @@ from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.run import BASE_EPOCH_NS, run_name, simulate_run
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.truth import RunTruth, Truth, scenario_truth
+from hrclog.wording import share
 
 Progress = Callable[[int], None]
 """Told how many further runs are over."""
@@ -153,6 +154,6 @@ def _failed(failures: Sequence[_Failure], runs: int) -> ScenarioError:
     told = "; ".join(f"{failure.name}: {failure.text}" for failure in failures[:_TOLD_FAILURES])
     more = f"; and {len(failures) - _TOLD_FAILURES} more" if len(failures) > _TOLD_FAILURES else ""
     rest = ", the others are written; the same command tries only these again" if len(failures) < runs else ""
-    error = ScenarioError(f"{len(failures)} of {runs} runs failed{rest}: {told}{more}")
+    error = ScenarioError(f"{share(len(failures), runs, 'run')} failed{rest}: {told}{more}")
     error.add_note(failures[0].trace)
     return error

@@ -257,12 +257,13 @@ def _ends(told: Forecast) -> dict[str, tuple[float, float]]:
 
 def _marked(plan: Plan, problem: Problem, options: dict[str, Any], told: Forecast | None = None) -> Plan:
     """Return a plan that names its problem, and what was expected of it."""
+    from hrclog.planning.dispatch_mode import DispatchMode
     from hrclog.planning.provenance import Expected, made_for
 
     expected = plan.expected
     if told:
         numbers = (told.mean_s, told.mean_low_s, told.mean_high_s, told.run_low_s, told.run_high_s)
-        expected = Expected(*numbers, worlds=told.worlds)
+        expected = Expected(*numbers, worlds=told.worlds, mode=DispatchMode.SEQUENTIAL.value)
     return replace(plan, problem=made_for(options["problem_name"], problem), expected=expected)
 
 

@@ -65,6 +65,7 @@ class Done:
         events: of the run.
         outcome: of the run.
         reason: why.
+        mode: in which items were handed out.
     """
 
     path: Path
@@ -73,6 +74,7 @@ class Done:
     events: Sequence[Event]
     outcome: str
     reason: str
+    mode: str
 
 
 def prepare(plan_path: Path, options: RunOptions) -> Prepared:
@@ -119,7 +121,8 @@ def execute(prepared: Prepared, options: RunOptions, path: Path, number: int, *,
         events = _simulated(prepared, options, path, number, (path.stem,) if series else ())
         last = events[-1]
         outcome, reason = (last.outcome, last.reason) if isinstance(last, RunEnded) else ("", "")
-    return Done(path, prepared.plan, _followed(prepared.plan, events), events, outcome, reason)
+    followed = _followed(prepared.plan, events)
+    return Done(path, prepared.plan, followed, events, outcome, reason, str(prepared.policy.mode))
 
 
 def _simulated(
@@ -151,15 +154,15 @@ def _live(prepared: Prepared, options: RunOptions, path: Path, number: int) -> t
         events.append(event)
         _show(event)
 
+    nobody_simulated = set(prepared.ways) >= set(prepared.scenario.problem.agents)
     setup = RunSetup(
         plan=prepared.plan,
         problem=prepared.scenario.problem,
         policy=prepared.policy,
-        seed=options.seed,
-        software={"engine": cell.name},
+        seed=None if nobody_simulated else options.seed,
+        software={} if nobody_simulated else {"engine": cell.name},
         replan=prepared.replan,
     )
-    nobody_simulated = set(prepared.ways) >= set(prepared.scenario.problem.agents)
     outcome, reason = run_live(
         path,
         setup,

@@ -13,7 +13,7 @@ from hrclog.cli.run_plan import Done
 from hrclog.events import TaskEnded, TaskFact, TaskStarted
 from hrclog.planning.plan import Plan
 from hrclog.units import NS_PER_S
-from hrclog.wording import counted
+from hrclog.wording import counted, share
 
 INTERRUPTED: Final = 130
 """Exit code of a run that somebody ended."""
@@ -31,9 +31,10 @@ def exit_code(done: Done) -> int:
 def run_text(done: Done) -> list[str]:
     """Return the lines that are printed of a single run."""
     outcomes = list(_outcomes(done).values())
+    succeeded = share(outcomes.count(_SUCCEEDED), len(outcomes), "item")
     return [
-        f"{done.followed.name}: {outcomes.count(_SUCCEEDED)} of {len(outcomes)} items succeeded, log in {done.path}",
-        f"makespan {_against(_makespan_text(done), done.plan)}",
+        f"{done.followed.name}: {succeeded} succeeded, log in {done.path}",
+        f"makespan {_against(_makespan_text(done), done.plan, done.mode)}",
         f"Look at it: hrclog view {done.path}",
     ]
 
@@ -69,7 +70,7 @@ def plan_text(plan: Plan, runs: Sequence[Done]) -> str:
     if mean is None:
         return head
     interval = "" if low is None else f" [{low:.1f}, {high:.1f}]"
-    return f"{head}, mean makespan {_against(f'{mean:.1f} s{interval}', plan)}"
+    return f"{head}, mean makespan {_against(f'{mean:.1f} s{interval}', plan, runs[0].mode)}"
 
 
 def plan_json(plan: Plan, runs: Sequence[Done]) -> dict[str, Any]:
@@ -118,12 +119,14 @@ def _makespan_text(done: Done) -> str:
     return "n/a" if took_s is None else f"{took_s:.1f} s"
 
 
-def _against(makespan: str, plan: Plan) -> str:
+def _against(makespan: str, plan: Plan, mode: str) -> str:
     """Return a makespan beside what the plan promised."""
     expected, planned_s = plan.expected, _planned_s(plan)
     if expected is not None:
         spread = f"[{expected.run_low_s:.1f}, {expected.run_high_s:.1f}]"
-        return f"{makespan}; expected {expected.mean_s:.1f} {spread} (90 % of {expected.worlds} single runs drawn)"
+        drawn = f"90 % of {expected.worlds} single runs drawn"
+        other = "" if expected.mode in ("", mode) else f" in mode {expected.mode}"
+        return f"{makespan}; expected {expected.mean_s:.1f} {spread} ({drawn}{other})"
     return makespan if planned_s is None else f"{makespan}; planned {planned_s:.1f} (undisturbed)"
 
 

@@ -12,7 +12,7 @@ from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_optio
 from hrclog.cli.common import Progress, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.sim.scenario import scenario_names
-from hrclog.wording import counted
+from hrclog.wording import agree, counted, share
 
 
 @click.command(
@@ -73,7 +73,7 @@ def command(
     simulating = Progress("simulating", runs)
 
     def resuming(count: int) -> None:
-        click.echo(f"resuming: {count} of {runs} runs are there", err=True)
+        click.echo(f"resuming: {share(count, runs, 'run')} {agree(count, 'is', 'are')} there", err=True)
         simulating.advance(count)
 
     with Following(knowledge) as following:

@@ -11,7 +11,7 @@ from hrclog.json_record import JsonRecord
 from hrclog.planning.problem import Problem
 
 MADE_FOR_FIELDS: Final = ("name", "digest")
-FORECAST_FIELDS: Final = ("mean_s", "mean_low_s", "mean_high_s", "run_low_s", "run_high_s", "worlds")
+FORECAST_FIELDS: Final = ("mean_s", "mean_low_s", "mean_high_s", "run_low_s", "run_high_s", "worlds", "mode")
 
 _DIGITS: Final = 16  # of the digest, as hexadecimal text
 
@@ -44,6 +44,7 @@ class Expected:
         run_low_s: 5 % quantile of one run's makespan.
         run_high_s: its 95 % quantile.
         worlds: how many runs were drawn.
+        mode: the dispatch mode in which they were drawn; "" where it is not known.
     """
 
     mean_s: float
@@ -52,6 +53,7 @@ class Expected:
     run_low_s: float
     run_high_s: float
     worlds: int
+    mode: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON values."""
@@ -89,5 +91,5 @@ def expected_from_json(record: JsonRecord) -> Expected:
     Raises:
         ScenarioError: a field is missing or wrong.
     """
-    seconds = {name: record.number(name) for name in FORECAST_FIELDS[:-1]}
-    return Expected(worlds=record.integer("worlds"), **seconds)
+    seconds = {name: record.number(name) for name in FORECAST_FIELDS[:-2]}
+    return Expected(worlds=record.integer("worlds"), mode=record.text("mode", ""), **seconds)

@@ -320,9 +320,18 @@ def test_what_a_plan_promised_is_printed_beside_the_makespan(run: Run, plan: Pat
     lines = run("run", plan, "-o", tmp_path / "x.mcap").out.splitlines()
     assert "makespan 96.4 s; expected 80.0 [70.5, 90.0] (90 % of 400 single runs drawn)" in lines
     document = run("run", plan, "-o", tmp_path / "y.mcap", "--json").json()
-    assert document["expected"] == expected | {"worlds": 400}
+    assert document["expected"] == expected | {"worlds": 400, "mode": ""}
     facts = read_events(tmp_path / "y.mcap").filter(pl.col("kind").is_in(["task_started", "task_ended"]))
     assert document["makespan_s"] == (facts["time_ns"].max() - facts["time_ns"].min()) / 1e9
+
+
+def test_a_promise_for_another_mode_names_it(run: Run, plan: Path, tmp_path: Path) -> None:
+    expected = {"mean_s": 80.0, "mean_low_s": 78.0, "mean_high_s": 82.0, "run_low_s": 70.5, "run_high_s": 90.0}
+    values = json.loads(plan.read_text()) | {"expected": expected | {"worlds": 400, "mode": "sequential"}}
+    plan.write_text(json.dumps(values))
+    assert "(90 % of 400 single runs drawn)" in run("run", plan, "-o", tmp_path / "x.mcap").out
+    other = run("run", plan, "--mode", "synchronous", "-o", tmp_path / "y.mcap").out
+    assert "(90 % of 400 single runs drawn in mode sequential)" in other
 
 
 def test_several_plans_and_repetitions_go_into_a_folder(run: Run, tmp_path: Path) -> None:
