@@ -32,6 +32,7 @@ from hrclog.sim.cell.description import (
 )
 from hrclog.sim.cell.safety_settings import (
     AREAS,
+    DECELERATION,
     POLICIES,
     Area,
     AreasSettings,
@@ -266,11 +267,12 @@ def _distance(entry: JsonRecord) -> DistanceSettings:
 
 
 def _ssm(entry: JsonRecord) -> SsmSettings:
+    usual = SsmSettings()
     return SsmSettings(
-        human_speed=entry.number("human_speed", 1.6),
-        reaction_s=entry.number("reaction_s", 0.15),
+        human_speed=entry.number("human_speed", usual.human_speed),
+        reaction_s=entry.number("reaction_s", usual.reaction_s),
         deceleration=_deceleration(entry),
-        clearance_m=entry.number("clearance_m", 0.2),
+        clearance_m=entry.number("clearance_m", usual.clearance_m),
         brakes=entry.positive("brakes") if "brakes" in entry else _deceleration(entry),
         slew=_slew(entry),
     )
@@ -285,14 +287,15 @@ def _slew(entry: JsonRecord) -> Slew:
 
 
 def _deceleration(entry: JsonRecord) -> float:
-    return entry.positive("deceleration") if "deceleration" in entry else 2.5
+    return entry.positive("deceleration") if "deceleration" in entry else DECELERATION
 
 
 def _protective_stop(record: JsonRecord) -> ProtectiveStop:
+    usual = ProtectiveStop()
     if "protective_stop" not in record:
-        return ProtectiveStop()
+        return usual
     entry = record.record("protective_stop", ("rate_per_hour", "duration_s"))
-    return ProtectiveStop(entry.number("rate_per_hour"), entry.number("duration_s", 3.0))
+    return ProtectiveStop(entry.number("rate_per_hour"), entry.number("duration_s", usual.duration_s))
 
 
 def _choice(entry: JsonRecord, name: str, allowed: tuple[str, ...]) -> str:

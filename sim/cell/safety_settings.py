@@ -9,6 +9,9 @@ AREAS: Final = "areas"
 DISTANCE: Final = "distance"
 SSM: Final = "ssm"
 
+DECELERATION: Final = 2.5
+"""Of the robot's brakes, m/s^2, where a cell says nothing else."""
+
 
 @dataclass(frozen=True, slots=True)
 class Area:
@@ -47,7 +50,7 @@ class AreasSettings:
 
     areas: tuple[Area, ...] = ()
     slew: Slew = Slew()
-    deceleration: float = 2.5
+    deceleration: float = DECELERATION
 
     @property
     def braking(self) -> float:
@@ -61,7 +64,7 @@ class DistanceSettings:
 
     bands: tuple[Band, ...] = (Band(0.7, 0.0), Band(1.1, 0.5))
     slew: Slew = Slew()
-    deceleration: float = 2.5
+    deceleration: float = DECELERATION
 
     @property
     def braking(self) -> float:
@@ -78,9 +81,9 @@ class SsmSettings:
 
     human_speed: float = 1.6
     reaction_s: float = 0.15
-    deceleration: float = 2.5
+    deceleration: float = DECELERATION
     clearance_m: float = 0.2
-    brakes: float = 2.5
+    brakes: float = DECELERATION
     slew: Slew = Slew()
 
     @property
