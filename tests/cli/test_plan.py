@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -396,3 +397,10 @@ def test_what_is_read_of_a_log_is_what_was_written(tmp_path: Path) -> None:
     events = events_of()
     write_log(tmp_path / "x.mcap", events)
     assert [from_row(row) for row in read_events(tmp_path / "x.mcap").iter_rows(named=True)][-1] == events[-1]
+
+
+def test_a_plan_is_set_against_a_random_one(run: Run, kb: Path) -> None:
+    text = run("plan", "paper", "--kb", kb).out
+    mean_s = float(re.search(r"expected ([\d.]+) s", text)[1])  # type: ignore[index]  # else the test fails
+    percent, usual_s = re.search(r"([\d.]+) % less than the ([\d.]+) s of a random plan", text).groups()  # type: ignore[union-attr]  # likewise
+    assert float(percent) == pytest.approx(100 * (1 - mean_s / float(usual_s)), abs=0.15)

@@ -296,3 +296,10 @@ def test_isolation_forest_can_be_asked_for(run: Run, campaign: Path, tmp_path: P
         for outliers in OUTLIER_METHODS
     )
     assert plain["estimators"]["ols"]["crps_s"] != trimmed["estimators"]["ols"]["crps_s"]
+
+
+def test_the_folds_are_as_many_as_were_asked_for(run: Run, simulated: Path) -> None:
+    arguments = "score", simulated, "--estimator", "ols", "--json"
+    texts = [run(*arguments, *cv).out for cv in ((), ("--cv", "5"), ("--cv", "2"))]
+    assert texts[0] == texts[1]
+    assert texts[1] != texts[2]

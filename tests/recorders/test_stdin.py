@@ -16,7 +16,7 @@ from hrclog import Recorder
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import Event, TaskFact
 from hrclog.log.reader import read_logs
-from hrclog.recorders.stdin import Refused, record_lines
+from hrclog.recorders.stdin import Refused, record_lines, record_stream
 
 
 def record(path: Path, lines: list[str]) -> tuple[list[dict[str, Any]], list[Refused]]:
@@ -159,3 +159,18 @@ def test_any_text_is_recorded_or_refused(tmp_path: Path, lines: list[str]) -> No
     with Recorder(path) as recorder:
         count, refused, _ = record_lines(lines, recorder)
     assert count + len(refused) == sum(bool(text.strip()) for text in lines)
+
+
+def test_a_run_ends_with_the_latest_of_its_events_in_whatever_order_they_come(path: Path) -> None:
+    late, early = (line(kind="annotation_added", reason="x", time_ns=at) for at in (2_000, 1_000))
+    with Recorder(path, time_ns=0) as recorder:
+        assert record_lines([late, early], recorder)[2] == 2_000
+        assert record_lines([early, late], recorder)[2] == 2_000
+
+
+@pytest.mark.parametrize("blanks", [0, 2])
+@pytest.mark.parametrize("opening", [True, False])
+def test_a_refused_line_is_named_by_its_number_in_the_input(blanks: int, opening: bool, path: Path) -> None:
+    lines = [""] * blanks + [line(kind="run_started", name="a")] * opening
+    lines += [line(kind="annotation_added", reason="x"), "nonsense"]
+    assert [refused.line for refused in record_stream(lines, path).refused] == [len(lines)]

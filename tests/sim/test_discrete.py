@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -344,3 +345,19 @@ def test_a_full_stop_is_logged_as_a_pause_and_takes_no_work() -> None:
     scenario = load_scenario("machine-tending")
     runs = [simulate_run(scenario, 1, index) for index in range(20)]
     assert sum(isinstance(event, TaskPaused) for run in runs for event in run.events) > 5
+
+
+def test_what_is_cancelled_has_gone_the_part_of_its_path_that_it_has_worked() -> None:
+    base = load_scenario("paper")
+    fixed = tuple(
+        replace(w, time=Lognormal(10.0, 0.0), path_length=3.0, failure_probability=float(w.agent == "robot"))
+        if w.agent == "human"
+        else replace(w, time=Lognormal(4.0, 0.0), failure_probability=1.0)
+        for w in base.works
+    )
+    run = simulate_run(Scenario("abort", base.problem, fixed, (), (), Failures(1, ABORT)), 1, 0)
+    [cancelled] = [e for e in run.events if isinstance(e, TaskEnded) and e.outcome == Outcome.CANCELED]
+    [started] = [e for e in run.events if isinstance(e, TaskStarted) and e.execution_id == cancelled.execution_id]
+    worked_s = (cancelled.time_ns - started.time_ns) / 1e9
+    assert 0.0 < worked_s < 4.0
+    assert cancelled.path_length == pytest.approx(3.0 * worked_s / 10.0)

@@ -25,6 +25,7 @@ from hrclog.analyzers.figures.events import event_lines, pauses
 from hrclog.analyzers.figures.gantt import Lane, execution_lanes, state_changes
 from hrclog.analyzers.live import follow as live
 from hrclog.analyzers.live import journal as live_journal
+from hrclog.analyzers.live.executions import LiveExecutions
 from hrclog.analyzers.live.follow import Followed, follow
 from hrclog.analyzers.live.lanes import LaneKey
 from hrclog.analyzers.live.run import LivePart, LiveRun
@@ -566,3 +567,21 @@ def test_a_recorder_that_closes_its_log_is_not_taken_for_gone(tmp_path: Path, mo
     monkeypatch.setattr(live_journal, "is_being_written", lambda _: next(held))
     journal = live_journal.LiveJournal(path, "", lambda _: None, lambda _: EVENTS.to_frame(), str)
     assert [journal._has_recorder() for _ in range(5)] == [True, True, True, True, False]
+
+
+def test_failures_are_counted_as_they_come() -> None:
+    live_executions = LiveExecutions()
+    counts = []
+    for task, outcome in (("x", "failed"), ("y", "succeeded"), ("z", "timed_out"), ("u", "canceled")):
+        live_executions.take(frame([started("A", task, 1), ended("A", task, 2, outcome=outcome)]))
+        counts.append(live_executions.n_failed)
+    live_executions.take(
+        frame([started("A", "step", 1, parent_execution_id="Au"), ended("A", "step", 2, outcome="failed")])
+    )
+    assert [*counts, live_executions.n_failed] == [1, 1, 2, 2, 2]
+
+
+def test_planned_bars_stand_at_their_distance_from_the_start_of_the_run() -> None:
+    planned = {"planned_start_ns": 102 * S, "planned_end_ns": 108 * S}
+    run = LiveRun(frame([event("run_started", 100 * S), started("A", "x", 101, **planned)]))
+    assert said([run.part(110 * S, alive=True)])["A", "planned", 0] == {2 * S: "x", 8 * S: ""}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+import rerun as rr
 from rerun.chunk import RrdReader
 
 from hrclog.analyzers.analysis import analyze
@@ -336,3 +337,11 @@ def test_only_the_rerun_modules_know_rerun() -> None:
     folder = "analyzers/rerun"
     own = {f"{folder}/{name}.py" for name in ("save", "cell", "layout", "recording")}
     assert knowing == {*own, "analyzers/live/streams.py"}
+
+
+def test_what_holds_until_the_next_sample_is_drawn_as_steps(run_pictures: RunFigures, tmp_path: Path) -> None:
+    save_run(run_pictures, tmp_path / "run.rrd")
+    scale, gap = (columns(tmp_path / "run.rrd", path) for path in (r"/signals/speed\ scale/R", "/signals/signals/gap"))
+    ways = rr.components.InterpolationMode
+    assert flat(scale["interpolation_mode"]) == [ways.StepAfter.value]
+    assert flat(gap["interpolation_mode"]) == [ways.Linear.value]
