@@ -21,9 +21,6 @@ from hrclog.cli import VERBS
 from hrclog.diagnostic import CODES
 from hrclog.events import COLUMNS, EVENT_CLASSES
 from hrclog.planning.dispatch_mode import MODES
-from hrclog.planning.problem_json import PROBLEM_FIELDS
-from hrclog.sim import scenario
-from hrclog.sim.cell.from_json import CELL_FIELDS, TIME_FIELDS
 from hrclog.sim.cell.safety_settings import POLICIES
 
 ROOT = Path(__file__).parents[2]
@@ -162,16 +159,6 @@ def test_a_page_lists_the_things_that_there_are(page: str, table: dict[str, Any]
     text = (ROOT / "docs" / page).read_text(encoding="utf-8")
     for name, record in table.items():
         assert f"| `{name}` | {record.summary}" in text
-
-
-def test_every_field_of_a_scenario_file_is_documented() -> None:
-    text = (ROOT / "docs" / "simulation.md").read_text(encoding="utf-8")
-    groups = (scenario._SCENARIO_FIELDS, scenario._WORK_FIELDS, scenario._SYNERGY_FIELDS, PROBLEM_FIELDS, CELL_FIELDS)
-    for name in {name for group in groups for name in group} | set(TIME_FIELDS):
-        assert f"`{name}`" in text, name
-    page = text.split("## The events half of a scenario file")[1].split("\n## ")[0]
-    told = set(re.findall(r"^\| `(\w+)`", page, re.MULTILINE))
-    assert told == set(scenario._SCENARIO_FIELDS)
 
 
 def test_links_between_pages_lead_somewhere() -> None:
