@@ -46,6 +46,10 @@ class JsonRecord:
         """Return the error that says a field is not what it should be."""
         return wrong(self._at(name), self._fields.get(name), expected)
 
+    def instead(self, name: str, expected: str, value: T) -> T:
+        """Note that a field is not what it should be and return a value in its place; raise where nobody collects."""
+        return self._instead(self.error(name, expected), value)
+
     def text(self, name: str, default: str | None = None) -> str:
         """Return a text; without a default it must be there and not be empty."""
 
@@ -55,6 +59,14 @@ class JsonRecord:
         expected = "a text that is not empty" if default is None else "a text"
         value: str = self._value(name, default, is_right, expected, default or "?")
         return value  # as it is: a default may be a member of an enumeration
+
+    def choice(self, name: str, allowed: Sequence[str], default: str | None = None) -> str:
+        """Return one of some texts."""
+
+        def is_right(value: object) -> bool:
+            return isinstance(value, str) and value in allowed
+
+        return str(self._value(name, default, is_right, f"one of {', '.join(allowed)}", allowed[0]))
 
     def number(self, name: str, default: float | None = None, *, least: float = 0.0, most: float = math.inf) -> float:
         """Return a finite number from `least` to `most`."""
@@ -128,6 +140,12 @@ class JsonRecord:
             read: may raise a ScenarioError.
         """
         return read() if self.problems is None else attempt(read, self.problems)
+
+    def whole(self, read: Callable[[], T]) -> T | None:
+        """Return what a function reads of this object, or None where something of that is wrong."""
+        known = len(self.problems or ())
+        value = read()
+        return value if not self._silent and len(self.problems or ()) == known else None
 
     def strict(self) -> JsonRecord:
         """Return the same object, but with the first error raised."""

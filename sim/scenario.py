@@ -13,7 +13,7 @@ from typing import Any, Final, TypeVar
 
 from hrclog.errors import ScenarioError
 from hrclog.events import Role
-from hrclog.json_record import JsonRecord, attempt, check_all, read_json
+from hrclog.json_record import JsonRecord, check_all, read_json
 from hrclog.planning.dispatch_mode import DispatchMode
 from hrclog.planning.problem import Problem
 from hrclog.planning.problem_json import PROBLEM_FIELDS, read_problem
@@ -187,24 +187,23 @@ def scenario_from_json(value: object, where: str) -> Scenario:
         ScenarioError: a field is missing, unknown, wrong or contradicts another.
     """
     record = JsonRecord(value, where, _SCENARIO_FIELDS, problems=[])
-    problem_parts = read_problem(record.record("problem", PROBLEM_FIELDS))
-    cell_parts = read_cell(record.record("cell", CELL_FIELDS)) if "cell" in record else None
+    problem_parts = record.whole(lambda: read_problem(record.record("problem", PROBLEM_FIELDS)))
+    cell_parts = record.whole(lambda: read_cell(record.record("cell", CELL_FIELDS))) if "cell" in record else None
+    problem = record.noted(problem_parts.problem) if problem_parts else None
+    cell = record.noted(partial(cell_parts.cell, where)) if cell_parts else None
     parts: dict[str, Any] = {
-        "name": record.text("name"),
+        "name": _name(record),
         "works": record.parts(record.records("work", _WORK_FIELDS), _work),
         "synergies": record.parts(record.records("synergies", _SYNERGY_FIELDS, required=False), _synergy),
         "gaps": record.parts(record.records("gaps", ("agent", *TIME_FIELDS), required=False), _gap),
         "failures": _failures(record),
         "safety": _safety(record),
-        "dispatch_mode": record.text("dispatch_mode", SEQUENTIAL),
+        "dispatch_mode": record.choice("dispatch_mode", tuple(DispatchMode), SEQUENTIAL),
         "description": record.text("description", ""),
     }
     record.check()
-    problems: list[str] = []
-    problem = attempt(problem_parts.problem, problems)
-    cell = attempt(partial(cell_parts.cell, where), problems) if cell_parts else None
-    if problem is None or problems:
-        raise ScenarioError(*problems)
+    if problem is None:
+        raise ScenarioError(f"{where}: problem: cannot be read")  # not so: what keeps it from being read was noted
     try:
         return Scenario(problem=problem, **parts, cell=cell)
     except ScenarioError as error:
@@ -222,6 +221,13 @@ _WORK_FIELDS = (
 _SYNERGY_FIELDS = ("agent", "task", "other_agent", "other_task", "synergy", "stops")
 
 
+def _name(record: JsonRecord) -> str:
+    name = record.whole(lambda: record.text("name")) or ""
+    if name:
+        record.noted(partial(_check_name, name, f"{record.where}: "))
+    return name
+
+
 def _work(entry: JsonRecord) -> Work:
     return Work(
         agent=entry.text("agent"),
@@ -235,10 +241,10 @@ def _work(entry: JsonRecord) -> Work:
 
 
 def _synergy(entry: JsonRecord) -> Synergy:
-    stops = entry.flag("stops")
+    stops = entry.whole(lambda: entry.flag("stops"))
     if stops and "synergy" in entry:
-        raise entry.error("synergy", "nothing, as the task stops")
-    factor = math.inf if stops else entry.positive("synergy")
+        entry.instead("synergy", "nothing, as the task stops", None)
+    factor = entry.positive("synergy") if stops is False else math.inf
     return Synergy(entry.text("agent"), entry.text("task"), entry.text("other_agent"), entry.text("other_task"), factor)
 
 
@@ -250,7 +256,7 @@ def _failures(record: JsonRecord) -> Failures:
     if "failures" not in record:
         return Failures()
     entry = record.record("failures", ("max_attempts", "on_failure"))
-    return Failures(entry.integer("max_attempts", 1, least=1), entry.text("on_failure", SKIP))
+    return Failures(entry.integer("max_attempts", 1, least=1), entry.choice("on_failure", (SKIP, ABORT), SKIP))
 
 
 def _safety(record: JsonRecord) -> Safety:
@@ -275,10 +281,10 @@ def _checks(scenario: Scenario) -> Iterator[Callable[[], object]]:
         yield partial(_check_cell, scenario, scenario.cell)
 
 
-def _check_name(name: str) -> None:
+def _check_name(name: str, place: str = "") -> None:
     if not name or not set(name) <= _NAME_CHARACTERS:
         expected = "letters, digits, '-' and '_' (it begins file names)"
-        raise ScenarioError(f"name: found {name!r}, expected {expected}; rename it")
+        raise ScenarioError(f"{place}name: found {name!r}, expected {expected}; rename it")
 
 
 def _check_cell(scenario: Scenario, cell: Cell) -> None:

@@ -66,7 +66,7 @@ def read_problem(record: JsonRecord) -> ProblemParts:
     )
     precedences = record.parts(
         record.records("precedences", ("before", "after", "kind"), required=False),
-        lambda entry: Precedence(entry.text("before"), entry.text("after"), _kind(entry)),
+        _precedence_from_json,
     )
     return ProblemParts(record.where, record.texts("agents"), tasks, counts, precedences)
 
@@ -78,7 +78,7 @@ def _task_from_json(entry: JsonRecord) -> Task:
         agents=agents,
         task_type=entry.text("type", ""),
         targets=entry.texts("targets", ()),
-        role=_role(entry),
+        role=Role(entry.choice("role", tuple(Role), Role.PRIMARY)),
         resources=entry.texts("resources", ()),
         release_s=entry.number("release_s", 0.0),
         due_s=entry.number("due_s") if "due_s" in entry else None,
@@ -101,15 +101,6 @@ def _expected_s(entry: JsonRecord, agents: Iterable[str]) -> dict[str, float]:
     return {agent: by_agent.positive(agent) for agent in names}
 
 
-def _role(entry: JsonRecord) -> Role:
-    role = entry.text("role", Role.PRIMARY)
-    if role not in tuple(Role):
-        raise entry.error("role", f"one of {', '.join(Role)}")
-    return Role(role)
-
-
-def _kind(entry: JsonRecord) -> PrecedenceKind:
-    kind = entry.text("kind", PrecedenceKind.NEXT)
-    if kind not in tuple(PrecedenceKind):
-        raise entry.error("kind", f"one of {', '.join(PrecedenceKind)}")
-    return PrecedenceKind(kind)
+def _precedence_from_json(entry: JsonRecord) -> Precedence:
+    kind = entry.choice("kind", tuple(PrecedenceKind), PrecedenceKind.NEXT)
+    return Precedence(entry.text("before"), entry.text("after"), PrecedenceKind(kind))

@@ -144,10 +144,10 @@ _POLICY_FIELDS = {
 
 
 def _robot(entry: JsonRecord) -> RobotModel:
-    names = entry.names("poses")
-    poses = tuple(Pose(name, numbers(entry.record("poses", names), name, 7)) for name in names)
-    if HOME not in names:
-        raise entry.error("poses", "at least the pose 'home'")
+    names = entry.whole(lambda: entry.names("poses"))
+    if names is not None and HOME not in names:
+        entry.instead("poses", "at least the pose 'home'", names)
+    poses = tuple(Pose(name, numbers(entry.record("poses", names or ()), name, 7)) for name in names or ())
     planning = entry.record("planning", (PICK, PLACE))
     return RobotModel(
         agent=entry.text("agent"),
@@ -208,11 +208,11 @@ def _stand(entry: JsonRecord) -> Stand:
 
 
 def _skill(entry: JsonRecord) -> Skill:
-    kind = _choice(entry, "skill", SKILLS)
+    kind = entry.whole(lambda: entry.choice("skill", SKILLS)) or GO_TO
     needed = {PICK: ("objects",), PLACE: ("slots",), PICK_PLACE: ("objects", "slots"), GO_TO: (), SEQUENCE: ("steps",)}
     for name in needed[kind]:
         if name not in entry:
-            raise entry.error(name, f"it, for a skill of kind {kind}")
+            entry.instead(name, f"it, for a skill of kind {kind}", "")
     return Skill(
         agent=entry.text("agent"),
         task=entry.text("task"),
@@ -226,9 +226,10 @@ def _skill(entry: JsonRecord) -> Skill:
 
 def _safety(record: JsonRecord) -> SafetySettings:
     entry = record.record("safety", ("policy", *POLICIES))
-    parts: dict[str, Any] = {"policy": _choice(entry, "policy", tuple(POLICIES))}
-    if parts["policy"] == AREAS and AREAS not in entry:
-        raise entry.error(AREAS, "the areas that the policy 'areas' goes by")
+    policy = entry.whole(lambda: entry.choice("policy", tuple(POLICIES)))
+    if policy == AREAS and AREAS not in entry:
+        entry.instead(AREAS, "the areas that the policy 'areas' goes by", policy)
+    parts: dict[str, Any] = {"policy": policy or AREAS}
     for name in POLICIES:
         if name in entry:
             parts[name] = _POLICIES[name](entry.record(name, _POLICY_FIELDS[name]))
@@ -257,13 +258,14 @@ def _guarded(entry: JsonRecord) -> tuple[tuple[float, float], tuple[float, float
 
 
 def _distance(entry: JsonRecord) -> DistanceSettings:
-    bands = [
-        Band(band.positive("nearer_than_m"), band.number("scale", most=1.0))
-        for band in entry.records("bands", ("nearer_than_m", "scale"))
-    ]
-    if not bands:
-        raise entry.error("bands", "at least one band")
-    return DistanceSettings(tuple(bands), _slew(entry), _deceleration(entry))
+    bands = entry.whole(lambda: entry.parts(entry.records("bands", ("nearer_than_m", "scale")), _band))
+    if bands == ():
+        entry.instead("bands", "at least one band", bands)
+    return DistanceSettings(bands or (), _slew(entry), _deceleration(entry))
+
+
+def _band(entry: JsonRecord) -> Band:
+    return Band(entry.positive("nearer_than_m"), entry.number("scale", most=1.0))
 
 
 def _ssm(entry: JsonRecord) -> SsmSettings:
@@ -298,31 +300,26 @@ def _protective_stop(record: JsonRecord) -> ProtectiveStop:
     return ProtectiveStop(entry.number("rate_per_hour"), entry.number("duration_s", usual.duration_s))
 
 
-def _choice(entry: JsonRecord, name: str, allowed: tuple[str, ...]) -> str:
-    value = entry.text(name)
-    if value not in allowed:
-        raise entry.error(name, f"one of {', '.join(allowed)}")
-    return value
-
-
 def _color(entry: JsonRecord) -> tuple[int, int, int]:
     red, green, blue = (round(value) for value in numbers(entry, "color", 3))
-    return red, green, blue
+    right = all(0 <= value <= 255 for value in (red, green, blue))
+    return (red, green, blue) if right else entry.instead("color", "3 numbers from 0 to 255", (0, 0, 0))
 
 
 def share(entry: JsonRecord, name: str) -> float:
     """Return a number above 0 and at most 1; what is slower than a hundredth does not move in any run."""
-    value = entry.positive(name)
-    if not _SLOWEST <= value <= 1.0:
-        raise entry.error(name, f"a share above 0 and at most 1, no smaller than {_SLOWEST:g}")
-    return value
+    return _above(entry, name, 1.0, f"a share above 0 and at most 1, no smaller than {_SLOWEST:g}")
 
 
 def _speed(entry: JsonRecord, name: str) -> float:
-    value = entry.positive(name)
-    if not _SLOWEST <= value <= _FASTEST_M_S:
-        raise entry.error(name, f"a number from {_SLOWEST:g} to {_FASTEST_M_S:g} m/s")
-    return value
+    return _above(entry, name, _FASTEST_M_S, f"a number from {_SLOWEST:g} to {_FASTEST_M_S:g} m/s")
+
+
+def _above(entry: JsonRecord, name: str, most: float, expected: str) -> float:
+    value = entry.whole(lambda: entry.positive(name))
+    if value is None:
+        return most
+    return value if _SLOWEST <= value <= most else entry.instead(name, expected, most)
 
 
 def _seconds(entry: JsonRecord, name: str) -> float:
@@ -331,17 +328,18 @@ def _seconds(entry: JsonRecord, name: str) -> float:
 
 def numbers(entry: JsonRecord, name: str, count: int) -> tuple[Any, ...]:
     """Return a list of a given number of finite numbers."""
-    values = entry.numbers(name)
-    if len(values) != count:
-        raise entry.error(name, f"{count} numbers")
-    return values
+    values = entry.whole(lambda: entry.numbers(name))
+    if values is None:
+        return (0.0,) * count
+    return values if len(values) == count else entry.instead(name, f"{count} numbers", (0.0,) * count)
 
 
 def points(entry: JsonRecord, name: str) -> list[tuple[float, float, float]]:
     """Return a list of points of three finite numbers."""
-    found = []
+    triples = []
     for index, values in enumerate(entry.number_lists(name)):
-        if len(values) != 3:
-            raise entry.error(name, f"lists of 3 numbers, found {len(values)} in number {index + 1}")
-        found.append((values[0], values[1], values[2]))
-    return found
+        if len(values) == 3:
+            triples.append((values[0], values[1], values[2]))
+        else:
+            entry.instead(name, f"lists of 3 numbers, found {len(values)} in number {index + 1}", values)
+    return triples
