@@ -114,7 +114,7 @@ def rebuild(
     outliers: Outliers | None = None,
     on_file: Callable[[Path], None] = lambda _: None,
 ) -> Ingested:
-    """Make everything anew from logs, put in place at once; only withdrawals are kept.
+    """Rebuild everything from logs and swap it in at once; only withdrawals are kept.
 
     Args:
         kb: the knowledge base.

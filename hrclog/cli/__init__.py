@@ -16,21 +16,21 @@ from hrclog.errors import HrclogError
 
 VERBS = {
     "analyze": "Durations, overlaps, synergies and pictures of recorded runs.",
-    "check": "Look for damage and doubtful data in logs.",
-    "compare": "Say how two sets of runs differ.",
+    "check": "Check logs for damage and doubtful data.",
+    "compare": "Compare two sets of runs.",
     "demo": "Analyse the sample runs that come with hrclog.",
     "export": "Write events, intervals and overlaps as CSV or Parquet.",
     "import": "Turn other systems' records into logs.",
-    "info": "Say what a log holds.",
-    "kb": "Keep what runs teach, where planners find it.",
-    "plan": "Find the best plan by what was learnt, judge one, or draw random ones.",
+    "info": "Show what a log holds.",
+    "kb": "Store what was learned from runs, for planners to read.",
+    "plan": "Find the best plan from what was learned, evaluate one, or draw random ones.",
     "record": "Record events given as JSON lines on standard input.",
     "recover": "Close logs whose recorder was killed.",
-    "report": "Write all that runs tell into one HTML file that can be mailed.",
-    "run": "Carry a plan out with simulated, replayed or scripted agents.",
-    "score": "Say how well estimators predict what they have not seen.",
+    "report": "Write findings, figures and tables into one HTML file that can be mailed.",
+    "run": "Execute plans with simulated, replayed or scripted agents.",
+    "score": "Score how well estimators predict runs they have not seen.",
     "sim": "Simulate runs of a cell and write their logs.",
-    "view": "Open a log or a recording in the Rerun viewer, or follow runs while they are recorded.",
+    "view": "Open a log or a recording in the Rerun viewer, or follow runs as they are recorded.",
 }
 
 

@@ -13,7 +13,7 @@ from hrclog.wording import counted
 @click.option("--strict", is_flag=True, help="Exit 1 on warnings too.")
 @json_option
 def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:
-    """Look for damage and doubtful data in logs; nothing is written.
+    """Check logs for damage and doubtful data; writes nothing.
 
     Exit code: 0 all is there, 3 data was lost or cannot be used, with --strict 1 on warnings.
 

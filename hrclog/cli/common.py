@@ -39,14 +39,14 @@ estimator_option = click.option(
     type=NameOf(ESTIMATORS),
     default=ESTIMATORS.default,
     show_default=True,
-    help="How synergies are estimated; package.module:NAME for one of yours.",
+    help="Method that estimates synergies; package.module:NAME for one of yours.",
 )
 outliers_option = click.option(
     "--outliers",
     type=NameOf(OUTLIER_METHODS),
     default=OUTLIER_METHODS.default,
     show_default=True,
-    help="Which executions an estimator leaves out.",
+    help="Which executions are left out before estimating.",
 )
 
 
@@ -70,7 +70,7 @@ def bootstrap_options(default: int) -> Callable[[Command], Command]:
             click.option(
                 "--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes for the draws."
             ),
-            click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the draws."),
+            click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the draws."),
             click.option(
                 "--bootstrap",
                 type=click.IntRange(min=0),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @logs_argument
 @json_option
 def command(logs: tuple[str, ...], as_json: bool) -> int:
-    """Say what logs hold: files, runs, agents, events, span, and whether they were closed.
+    """Show what logs hold: files, runs, agents, events, span, and whether they were closed.
 
     \b
     Example:

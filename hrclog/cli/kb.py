@@ -44,13 +44,13 @@ estimator_option = click.option(
 outliers_option = click.option(
     "--outliers",
     type=NameOf(OUTLIER_METHODS),
-    help=f"Which executions an estimator leaves out.  [default: as before, at first {OUTLIER_METHODS.default}]",
+    help=f"Which executions are left out before estimating.  [default: as before, at first {OUTLIER_METHODS.default}]",
 )
 
 
 @click.group(name="kb")
 def command() -> None:
-    """Keep what runs teach, where planners find it.
+    """Store what was learned from runs, for planners to read.
 
     The logs are the truth; a knowledge base is made from them, in SQLite or PostgreSQL, and can be made anew.
     """
@@ -210,7 +210,7 @@ def import_(source: Path, where: str, as_json: bool) -> int:
 @outliers_option
 @json_option
 def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:
-    """Make everything anew from logs, put in place at once; withdrawals stay.
+    """Rebuild everything from logs and swap it in at once; withdrawals stay.
 
     \b
     Example:

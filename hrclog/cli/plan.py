@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     default=next(iter(METHODS)),
     show_default=True,
     metavar="METHOD",
-    help=f"How to look for a plan: {', '.join(METHODS)}.",
+    help=f"Search method: {', '.join(METHODS)}.",
 )
 @click.option("--seed", type=int, default=1, show_default=True, help="The same seed gives the same plan.")
 @click.option(
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     "overrides",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Suppose other factors between tasks than were learnt.",
+    help="Use these factors between tasks instead of the learned ones.",
 )
 @click.option(
     "--avoid",
@@ -76,14 +76,14 @@ if TYPE_CHECKING:
     "given",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="PLAN",
-    help="Say what is to be expected of this plan rather than look for one.",
+    help="Evaluate this plan instead of searching for one.",
 )
 @click.option(
     "--from",
     "run_log",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="LOG",
-    help="Plan what is left to do in a run that goes on (or broke off), by its log.",
+    help="Plan the rest of an unfinished run, from its log.",
 )
 @click.option("--show", is_flag=True, help="Draw the planned timelines.")
 @click.option("--random", "count", type=click.IntRange(min=1), metavar="N", help="Draw N different plans into -o DIR.")
@@ -97,7 +97,7 @@ if TYPE_CHECKING:
 )
 @json_option
 def command(**options: Any) -> int:
-    """Find the best plan of a problem by what was learnt, and say what is to be expected of it.
+    """Find the best plan for a problem from what was learned, and predict its makespan.
 
     PROBLEM is a scenario's name, or the file of a scenario or of a problem.
 

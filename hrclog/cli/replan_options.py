@@ -22,7 +22,7 @@ _OPTIONS = (
         "--replan-on",
         type=click.Choice([str(choice) for choice in ReplanOn]),
         multiple=True,
-        help="Plan the rest anew, by what --kb holds, when an item failed for good or is late; may be given twice.",
+        help="Plan the rest again from --kb when an item has failed for good or is late (repeatable).",
     ),
     click.option(
         "--delay",

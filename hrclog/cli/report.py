@@ -66,7 +66,7 @@ def _ending(*allowed: str) -> Any:
     metavar="N",
     help="How many single runs are shown: the shortest, the longest, some between, and the one with most failures.",
 )
-@click.option("--title", default="", help="Of the report.  [default: how many runs it is about]")
+@click.option("--title", default="", help="Title of the report.  [default: how many runs it is about]")
 @click.option(
     "--pdf",
     type=click.Path(path_type=Path, dir_okay=False),

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     type=click.Choice(list(MODES)),
     help="How items are handed out.  [default: the scenario's]",
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="Of the simulated agents.")
+@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the simulated agents.")
 @click.option(
     "--repeat",
     type=click.IntRange(min=1),
@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     help="Go on without an item that failed for good, or end the run.  [default: the scenario's]",
 )
 @replan_options
-@click.option("--real-time", is_flag=True, help="Go by the wall clock, and record each event as it happens.")
+@click.option("--real-time", is_flag=True, help="Run on the wall clock and record each event as it happens.")
 @click.option(
     "-o",
     "--output",

@@ -26,8 +26,10 @@ if TYPE_CHECKING:
 @click.option(
     "--cv", type=click.IntRange(min=2), metavar="FOLDS", help="Predict each fold of runs from the others. [default: 5]"
 )
-@click.option("--train", multiple=True, metavar="LOG", type=click.Path(), help="Log or folder to learn from; repeat.")
-@click.option("--test", multiple=True, metavar="LOG", type=click.Path(), help="Log or folder to predict; repeat.")
+@click.option(
+    "--train", multiple=True, metavar="LOG", type=click.Path(), help="Log or folder to learn from (repeatable)."
+)
+@click.option("--test", multiple=True, metavar="LOG", type=click.Path(), help="Log or folder to predict (repeatable).")
 @click.option("--static", is_flag=True, help="Do not learn from test runs that have ended.")
 @click.option(
     "--transfer-deviation",
@@ -41,10 +43,10 @@ if TYPE_CHECKING:
     "estimators",
     multiple=True,
     type=NameOf(ESTIMATORS, YARDSTICKS),
-    help="Which to score; repeat.  [default: all]",
+    help="Estimator to score (repeatable).  [default: all]",
 )
 @outliers_option
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the folds.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the folds.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for score.json and all forecasts.")
 @json_option
 def command(
@@ -61,7 +63,7 @@ def command(
     output: Path | None,
     as_json: bool,
 ) -> int:
-    """Say how well estimators predict durations and makespans they have not seen.
+    """Score how well estimators predict durations and makespans they have not seen.
 
     Either LOG..., with folds by run (--cv), or --train and --test: test runs in time order, each predicted from the
     training runs and the test runs before it.

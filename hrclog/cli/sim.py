@@ -57,9 +57,9 @@ def command(
 ) -> int:
     """Simulate runs of a cell and write one log each, with the truth beside them.
 
-    Every run carries out another random plan of the scenario. The true synergies and the work of every execution go to
-    truth.json, which no estimator reads. The same command goes on with a campaign that was killed, and with more --runs
-    it extends a finished one.
+    Each run executes a different random plan of the scenario. The true synergies and the work of every execution go to
+    truth.json, which no estimator reads. Run the same command again to continue a campaign that was killed, or with more
+    --runs to extend a finished one.
 
     \b
     Example:
