@@ -58,8 +58,8 @@ def command(
     """Simulate runs of a cell and write one log each, with the truth beside them.
 
     Each run executes a different random plan of the scenario. The true synergies and the work of every execution go to
-    truth.json, which no estimator reads. Run the same command again to continue a campaign that was killed, or with more
-    --runs to extend a finished one.
+    truth.json, which no estimator reads. Run the same command again to continue a campaign that was killed, or with
+    more --runs to extend a finished one.
 
     \b
     Example:
