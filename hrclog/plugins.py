@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import importlib
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
 from hrclog.errors import HrclogError
@@ -93,6 +95,7 @@ class Registry(Mapping[str, T], Generic[T]):
         if name in self._paths:
             self._loaded[name] = self._made(imported(self.kind, self._paths[name]), self._paths[name])
         elif ":" in name:
+            _make_working_folder_importable()
             made = self._made(imported(self.kind, name), name)
             self._keep(self._checked_name(made, name), made, name)
             self._loaded[name] = made
@@ -132,6 +135,13 @@ class Registry(Mapping[str, T], Generic[T]):
         if not self.group:
             return {}
         return {point.name: point.value for point in entry_points(group=self.group)}
+
+
+def _make_working_folder_importable() -> None:
+    """Let `module:NAME` name a file in the working folder: an installed command does not look there by itself."""
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
 
 
 def _path(thing: object) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -43,9 +41,6 @@ class NameOf(_NameType):
         if value in self._names():
             return str(value)
         if ":" in value:
-            here = str(Path.cwd())
-            if here not in sys.path:
-                sys.path.append(here)
             try:
                 return str(self._registries[0][value].name)
             except HrclogError as error:

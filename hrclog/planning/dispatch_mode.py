@@ -190,7 +190,7 @@ MODES: Final[Mapping[str, ModeRecord]] = {
             "as soon as the agent is free and everything in `after` has succeeded",
             _in_order,
         ),
-        ModeRecord(DispatchMode.TIMED, "and not before its `planned_start_s`", _in_order, timed=True),
+        ModeRecord(DispatchMode.TIMED, "as in `sequential`, but not before its `planned_start_s`", _in_order, timed=True),
         ModeRecord(
             DispatchMode.SYNCHRONOUS,
             "when all k-th items are over, whatever their outcome, all agents begin their (k+1)-th",

@@ -68,8 +68,8 @@ def file_name(source: str, run: str) -> str:
     return clean if clean == run else f"{clean}_{derived_id(source, run)[:8]}"
 
 
-def exact_ns(seconds: float) -> int:
-    """Return a binary float of seconds as nanoseconds, rounded once and to even.
+def exact_ns(seconds: float | Decimal) -> int:
+    """Return seconds, a decimal or a binary float, as nanoseconds, rounded once and to even.
 
     The float is converted exactly: `round(seconds * 1e9)` would be off by up to 128 ns at today's epoch.
     """

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,10 +19,12 @@ from hrclog import plugins
 from hrclog.analyzers.exporters.exporters import EXPORTERS
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.errors import HrclogError, KnowledgeError
+from hrclog.log.reader import read_logs
 from hrclog.plugins import PluginError, Registry
 from hrclog.recorders.importers.importers import IMPORTERS
 
-SAMPLES = Path(__file__).parents[2] / "sample_logs"
+ROOT = Path(__file__).parents[2]
+SAMPLES = ROOT / "sample_logs"
 Run = Callable[..., Any]
 
 CAMPAIGN = str(SAMPLES / "campaign")
@@ -232,3 +237,15 @@ def test_a_table_whose_entries_cannot_be_added_to_offers_no_path() -> None:
     with pytest.raises(PluginError) as caught:
         table["x"]
     assert "package.module" not in str(caught.value)
+
+
+def test_a_class_in_the_working_folder_is_found_by_the_installed_command(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    [code] = [block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "class Diary" in block]
+    (tmp_path / "diary_importer.py").write_text(code)
+    (tmp_path / "diary.csv").write_text("monday,human,place,1000.0,1003.0\n")
+    script = Path(sys.executable).parent / "hrclog"
+    command = [str(script), "import", "diary_importer:Diary", "diary.csv", "-o", "diaries"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert read_logs(tmp_path / "diaries").events.height == 4
