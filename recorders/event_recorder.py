@@ -88,7 +88,7 @@ class EventRecorder:
                 journal.append(message, *self._lanes.after(numbered, now))
             finally:
                 if journal.size > size:  # true also where an interrupt strikes just after the write
-                    self._take(numbered, state)
+                    self._remember(numbered, state)
             return numbered
 
     def handle(self, execution: TaskHandle | str) -> TaskHandle:
@@ -101,8 +101,8 @@ class EventRecorder:
             return execution
         with self._lock:
             if execution not in self._facts:
-                found = f"{self.path}: found execution {execution!r}"
-                raise IllegalEventError(f"{found}, expected one that was started here")
+                problem = f"{self.path}: found execution {execution!r}"
+                raise IllegalEventError(f"{problem}, expected one that was started here")
             return TaskHandle(self, self._facts[execution])
 
     def now_ns(self) -> int:
@@ -161,7 +161,7 @@ class EventRecorder:
             timed = replace(signal, time_ns=now) if signal.time_ns == NOW else signal
             self._open_journal().append(signal_message(timed, now))
 
-    def _take(self, event: Event, state: ExecutionState | None) -> None:
+    def _remember(self, event: Event, state: ExecutionState | None) -> None:
         """Remember what was written."""
         self._seq = event.seq + 1
         self._ended = isinstance(event, RunEnded)

@@ -322,9 +322,9 @@ def _number(value: float) -> float:
         raise InvalidEventError(f"found {value!r}, expected a number") from error
 
 
-def _numbers(what: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+def _numbers(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
     if len(values) != count:
-        raise InvalidEventError(f"pose: found a {what} of {len(values)} numbers, expected {count}")
+        raise InvalidEventError(f"pose: found a {name} of {len(values)} numbers, expected {count}")
     return tuple(map(_number, values))
 
 

@@ -54,14 +54,14 @@ def next_segment(path: Path) -> Segment:
     Raises:
         LogReadError: there is no run to continue, or a recorder still writes it.
     """
-    number = next(n for n in count(1) if not _is_there(segment_path(path, n)))
+    number = next(n for n in count(1) if not _segment_exists(segment_path(path, n)))
     if number == 1:
         raise LogReadError(path, "nothing", "a run to continue", "record it without resume")
     events = read_logs([segment_path(path, n) for n in range(1, number)]).events
     n_runs = events["run_id"].n_unique()
     if n_runs != 1:
         raise LogReadError(path, f"{n_runs} runs", "one run to continue", "record under another name")
-    return _continued(segment_path(path, number), number, events)
+    return _continuing_segment(segment_path(path, number), number, events)
 
 
 def segment_path(path: Path, number: int) -> Path:
@@ -69,7 +69,7 @@ def segment_path(path: Path, number: int) -> Path:
     return path if number == 1 else path.with_name(f"{path.stem}.{number}.mcap")
 
 
-def _is_there(path: Path) -> bool:
+def _segment_exists(path: Path) -> bool:
     """Return whether a segment exists, after closing its journal."""
     journal = journal_path(path)
     try:
@@ -82,22 +82,22 @@ def _is_there(path: Path) -> bool:
     return exists(path)
 
 
-def _continued(path: Path, number: int, events: pl.DataFrame) -> Segment:
+def _continuing_segment(path: Path, number: int, events: pl.DataFrame) -> Segment:
     # in the order of writing, as the recorder before saw them
-    states, facts = _fold(events.sort("seq", maintain_order=True).iter_rows(named=True))
+    states, facts = _fold_states(events.sort("seq", maintain_order=True).iter_rows(named=True))
     return Segment(
         path=path,
         run_id=events["run_id"][0],
         number=number,
         next_seq=int(events.select("seq").max().item()) + 1,
-        name=_name(events.filter(events["kind"] == "run_started")["details"].to_list()),
+        name=_run_name(events.filter(events["kind"] == "run_started")["details"].to_list()),
         states=states,
         facts=facts,
         last_ns=int(events.select("time_ns").max().item()),
     )
 
 
-def _fold(rows: Iterable[dict[str, Any]]) -> tuple[dict[str, ExecutionState], dict[str, TaskFact]]:
+def _fold_states(rows: Iterable[dict[str, Any]]) -> tuple[dict[str, ExecutionState], dict[str, TaskFact]]:
     states: dict[str, ExecutionState] = {}
     facts: dict[str, TaskFact] = {}
     for row in rows:
@@ -108,7 +108,7 @@ def _fold(rows: Iterable[dict[str, Any]]) -> tuple[dict[str, ExecutionState], di
     return states, facts
 
 
-def _name(details: list[str]) -> str:
+def _run_name(details: list[str]) -> str:
     for text in details:
         try:
             return str(parse_details(text).get("name", ""))

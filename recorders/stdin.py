@@ -74,10 +74,10 @@ def record_stream(
     if not resume:
         first_segment(log_path(path))  # say so before waiting for input
     rest = iter(lines)
-    head = list(_until_text(rest))
-    opening, consumed = _opening(head[-1]) if head else ({}, 0)
+    head = list(_lines_until_text(rest))
+    opening, consumed = _opening_facts(head[-1]) if head else ({}, 0)
     facts = {"run": run or opening.pop("name", ""), **opening}
-    with _recorder(path, facts, len(head), resume=resume, fsync=fsync) as recorder:
+    with _open_recorder(path, facts, len(head), resume=resume, fsync=fsync) as recorder:
         remaining = chain(head[len(head) - 1 + consumed :], rest)
         first_number = max(len(head), 1) + consumed
         n_events, refused, last_ns = record_lines(remaining, recorder, on_event, on_refusal, first_number)
@@ -117,7 +117,7 @@ def record_lines(
             continue
         try:
             value = parse_object(line)
-            recorded = recorder.record(_event(value, recorder))
+            recorded = recorder.record(_event_of(value, recorder))
         except (InvalidEventError, IllegalEventError) as error:
             refused.append(Refused(number, str(error)))
             on_refusal(refused[-1])
@@ -128,7 +128,7 @@ def record_lines(
     return count, refused, last_ns
 
 
-def _until_text(lines: Iterator[str]) -> Iterator[str]:
+def _lines_until_text(lines: Iterator[str]) -> Iterator[str]:
     """Yield lines up to the first that is not empty, without a byte order mark."""
     for number, line in enumerate(lines):
         text = line.removeprefix(_BYTE_ORDER_MARK) if not number else line
@@ -137,7 +137,7 @@ def _until_text(lines: Iterator[str]) -> Iterator[str]:
             return
 
 
-def _recorder(path: Path, facts: dict[str, Any], line: int, *, resume: bool, fsync: bool) -> Recorder:
+def _open_recorder(path: Path, facts: dict[str, Any], line: int, *, resume: bool, fsync: bool) -> Recorder:
     """Open a recorder with what the first line says of the run; without it there is no run to record into."""
     try:
         return Recorder(path, resume=resume, fsync=fsync, **facts)
@@ -145,7 +145,7 @@ def _recorder(path: Path, facts: dict[str, Any], line: int, *, resume: bool, fsy
         raise InvalidEventError(f"line {line}: {error}; nothing was recorded") from error
 
 
-def _opening(line: str) -> tuple[dict[str, Any], int]:
+def _opening_facts(line: str) -> tuple[dict[str, Any], int]:
     """Return what the first line says of the run, and 1 if that is all it says, else 0."""
     try:
         value = parse_object(line)
@@ -153,15 +153,15 @@ def _opening(line: str) -> tuple[dict[str, Any], int]:
         details = parse_details(row["details"])
     except InvalidEventError:
         return {}, 0
-    began = {} if row["time_ns"] is None else {"time_ns": row["time_ns"]}
+    start_fact = {} if row["time_ns"] is None else {"time_ns": row["time_ns"]}
     if row["kind"] != RunStarted.kind:
-        return began, 0
+        return start_fact, 0
     _check_fields(value, (*COLUMNS, *_RUN_FACTS))
     facts = {name: value.get(name, details.get(name)) for name in _RUN_FACTS}
-    return began | {name: fact for name, fact in facts.items() if fact is not None}, 1
+    return start_fact | {name: fact for name, fact in facts.items() if fact is not None}, 1
 
 
-def _event(value: dict[str, Any], recorder: Recorder) -> Event:
+def _event_of(value: dict[str, Any], recorder: Recorder) -> Event:
     _check_fields(value)
     row = row_from_object(value)
     row["time_ns"] = instant(row["time_ns"])
@@ -179,11 +179,11 @@ def _event(value: dict[str, Any], recorder: Recorder) -> Event:
     return event
 
 
-def _check_fields(value: dict[str, Any], known: tuple[str, ...] = COLUMNS) -> None:
+def _check_fields(value: dict[str, Any], known_names: tuple[str, ...] = COLUMNS) -> None:
     for name in value:
-        if name not in known:
-            near = difflib.get_close_matches(name.lower(), known, 1)
-            hint = f"did you mean {near[0]!r}?" if near else "put further facts into details"
+        if name not in known_names:
+            similar_names = difflib.get_close_matches(name.lower(), known_names, 1)
+            hint = f"did you mean {similar_names[0]!r}?" if similar_names else "put further facts into details"
             raise InvalidEventError(f"found the unknown field {name!r}, expected those of TaskEvent; {hint}")
 
 

@@ -61,7 +61,7 @@ class TaskHandle:
 
     def start(self, *, time_ns: int | None = None) -> Self:
         """Record that a dispatched execution began."""
-        self.recorder.record(self._next(TaskStarted, time_ns))
+        self.recorder.record(self._new_event(TaskStarted, time_ns))
         return self
 
     def end(
@@ -79,7 +79,7 @@ class TaskHandle:
         """Record how the execution ended."""
         self.recorder.record(
             replace(
-                self._next(TaskEnded, time_ns),
+                self._new_event(TaskEnded, time_ns),
                 outcome=str(outcome),
                 reason=reason,
                 planned_duration_s=planned_duration_s,
@@ -92,13 +92,13 @@ class TaskHandle:
 
     def pause(self, cause: str = Cause.OPERATOR, reason: str = "", *, time_ns: int | None = None) -> None:
         """Record that the execution was halted."""
-        self.recorder.record(replace(self._next(TaskPaused, time_ns), cause=str(cause), reason=reason))
+        self.recorder.record(replace(self._new_event(TaskPaused, time_ns), cause=str(cause), reason=reason))
 
     def resume(self, *, time_ns: int | None = None) -> None:
         """Record that the execution went on."""
-        self.recorder.record(self._next(TaskResumed, time_ns))
+        self.recorder.record(self._new_event(TaskResumed, time_ns))
 
-    def _next(self, kind: type[Fact], time_ns: int | None) -> Fact:
+    def _new_event(self, kind: type[Fact], time_ns: int | None) -> Fact:
         return event_on(kind, self.fact, time_ns=instant(time_ns))
 
 

@@ -26,7 +26,7 @@ Progress = Callable[[int], None]
 
 _BATCH: Final = 25
 _SLOW_BATCH: Final = 1
-_TOLD_FAILURES: Final = 3
+_SHOWN_FAILURES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,26 +90,26 @@ def simulate_campaign(
     with campaign_folder(scenario, manifest_of(scenario, runs, seed, engine), out_dir) as folder:
         if folder.resumed and resuming:
             resuming(len(folder.done))
-        left = [index for index in range(runs) if index not in folder.done]
-        found = dict(folder.done)
+        missing_indices = [index for index in range(runs) if index not in folder.done]
+        truths = dict(folder.done)
         failures: list[_Failure] = []
-        if found:
-            on_runs([folder.log(index) for index in sorted(found)])
-        for batch in _results(_Campaign(scenario, seed, engine, out_dir), left, workers, progress):
+        if truths:
+            on_runs([folder.log(index) for index in sorted(truths)])
+        for batch in _results(_Campaign(scenario, seed, engine, out_dir), missing_indices, workers, progress):
             failures += [result for _, result in batch if isinstance(result, _Failure)]
-            over = {index: result for index, result in batch if not isinstance(result, _Failure)}
-            found |= over
-            if over:
-                on_runs([folder.log(index) for index in over])
+            new_truths = {index: result for index, result in batch if not isinstance(result, _Failure)}
+            truths |= new_truths
+            if new_truths:
+                on_runs([folder.log(index) for index in new_truths])
         if failures:
-            raise _failed(failures, runs)
-        folder.finish(_truth(scenario, seed, engine, [found[index] for index in range(runs)]))
+            raise _failure_error(failures, runs)
+        folder.finish(_truth(scenario, seed, engine, [truths[index] for index in range(runs)]))
         return tuple(map(folder.log, range(runs)))
 
 
-def _check_range(what: str, value: int) -> None:
+def _check_range(name: str, value: int) -> None:
     if value < 1:
-        raise ScenarioError(f"{what}: found {value}, expected at least 1")
+        raise ScenarioError(f"{name}: found {value}, expected at least 1")
 
 
 def _truth(scenario: Scenario, seed: int, engine: str, runs: Sequence[RunTruth]) -> Truth:
@@ -150,10 +150,10 @@ def _write_run(campaign: _Campaign, index: int) -> RunTruth | _Failure:
     return run.truth
 
 
-def _failed(failures: Sequence[_Failure], runs: int) -> ScenarioError:
-    told = "; ".join(f"{failure.name}: {failure.text}" for failure in failures[:_TOLD_FAILURES])
-    more = f"; and {len(failures) - _TOLD_FAILURES} more" if len(failures) > _TOLD_FAILURES else ""
-    rest = ", the others are written; the same command tries only these again" if len(failures) < runs else ""
-    error = ScenarioError(f"{share(len(failures), runs, 'run')} failed{rest}: {told}{more}")
+def _failure_error(failures: Sequence[_Failure], runs: int) -> ScenarioError:
+    messages = "; ".join(f"{failure.name}: {failure.text}" for failure in failures[:_SHOWN_FAILURES])
+    more = f"; and {len(failures) - _SHOWN_FAILURES} more" if len(failures) > _SHOWN_FAILURES else ""
+    remark = ", the others are written; the same command tries only these again" if len(failures) < runs else ""
+    error = ScenarioError(f"{share(len(failures), runs, 'run')} failed{remark}: {messages}{more}")
     error.add_note(failures[0].trace)
     return error

@@ -104,7 +104,7 @@ def campaign_folder(scenario: Scenario, manifest: Manifest, path: Path) -> Itera
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(path, f"cannot be made ({error.strerror})") from error
-    with _alone(path):
+    with _folder_lock(path):
         folder = CampaignFolder(
             path,
             manifest,
@@ -136,7 +136,7 @@ class CampaignFolder:
         self.path = path
         self.resumed = False
         self.done: dict[int, RunTruth] = {}
-        self._work = path / WORK_FOLDER
+        self._work_folder = path / WORK_FOLDER
         self._manifest = manifest
         self._name_of = name_of
         self._id_of = id_of
@@ -152,27 +152,29 @@ class CampaignFolder:
             LogExistsError: something is in the way.
             LogWriteError: the folder cannot be written.
         """
-        found, finished = self._found(), None
-        if found is None:
+        unfinished, finished = self._unfinished_manifest(), None
+        if unfinished is None:
             with suppress(OSError):
-                self._clear()  # a campaign was killed when it had hardly begun, or was all but over
-            finished = self._extended()
+                self._clear_work_folder()  # a campaign was killed when it had hardly begun, or was all but over
+            finished = self._finished_truth()
             if finished is None:
                 self._check_empty()
         else:
-            self._check_same(found)
-        with _told(self._work):
-            self._work.mkdir(exist_ok=True)
-            _remove(self._work, *_LEFTOVERS)
-        if found != self._manifest:
+            self._check_same_campaign(unfinished)
+        with _write_errors(self._work_folder):
+            self._work_folder.mkdir(exist_ok=True)
+            _remove(self._work_folder, *_LEFTOVERS)
+        if unfinished != self._manifest:
             text = compact_json(asdict(self._manifest)).encode()
-            replace_atomically(self._work / _MANIFEST, lambda stream: stream.write(text))
+            replace_atomically(self._work_folder / _MANIFEST, lambda stream: stream.write(text))
         if finished:
-            with _told(self._work):
+            with _write_errors(self._work_folder):
                 for run in finished.runs:
-                    (self._work / f"{run.name}.json").write_text(compact_json(run_to_json(run)), encoding="utf-8")
-        self.resumed = found is not None or finished is not None
-        self.done = self._done()
+                    (self._work_folder / f"{run.name}.json").write_text(
+                        compact_json(run_to_json(run)), encoding="utf-8"
+                    )
+        self.resumed = unfinished is not None or finished is not None
+        self.done = self._finished_runs()
 
     def finish(self, truth: Truth) -> None:
         """Write the truth about all runs, and leave nothing else behind.
@@ -180,46 +182,59 @@ class CampaignFolder:
         Raises:
             LogWriteError: the folder cannot be written.
         """
-        draft = self._work / "truth.draft"
+        draft = self._work_folder / "truth.draft"
         write_truth(draft, truth)
-        with _told(self.path):
+        with _write_errors(self.path):
             draft.replace(self.path / TRUTH_FILE)
             sync_folder(self.path)
-            self._clear()
+            self._clear_work_folder()
 
     def leave(self) -> None:
         """Leave what it takes to resume, which is nothing where no run is there."""
         if not any(self.log(index).exists() for index in range(self._manifest.runs)):
             with suppress(OSError):
-                self._clear()
+                self._clear_work_folder()
 
-    def _found(self) -> Manifest | None:
+    def _unfinished_manifest(self) -> Manifest | None:
         """Return the manifest of the campaign that is under way here."""
-        path = self._work / _MANIFEST
+        path = self._work_folder / _MANIFEST
         try:
             return Manifest(**json.loads(path.read_text(encoding="utf-8")))
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, ValueError, TypeError) as error:
-            remedy = f"it cannot be read as a campaign of this hrclog ({error}); remove {self._work} or {_ELSEWHERE}"
+            remedy = (
+                f"it cannot be read as a campaign of this hrclog ({error}); remove {self._work_folder} or {_ELSEWHERE}"
+            )
             raise LogExistsError(path, remedy) from error
 
-    def _extended(self) -> Truth | None:
+    def _finished_truth(self) -> Truth | None:
         """Return the truth of the finished campaign that this one goes on with, None if there is none such."""
-        own = self._manifest
+        manifest = self._manifest
         try:
             truth = read_truth(self.path / TRUTH_FILE)
         except ScenarioError:
             return None
-        there = replace(own, scenario=truth.scenario, seed=truth.seed, engine=truth.engine, safety=truth.safety or "")
+        existing = replace(
+            manifest, scenario=truth.scenario, seed=truth.seed, engine=truth.engine, safety=truth.safety or ""
+        )
         count = len(truth.runs)
-        whole = all(self.log(index).exists() for index in range(count))
-        new = not any(self.log(index).exists() for index in range(count, own.runs))
+        all_exist = all(self.log(index).exists() for index in range(count))
+        none_beyond = not any(self.log(index).exists() for index in range(count, manifest.runs))
         # ids depend on all that the scenario says
-        same = [run.run_id for run in truth.runs] == [self._id_of(index) for index in range(count)]
-        return truth if there == own and count < own.runs and whole and new and same and self._same_version() else None
+        same_ids = [run.run_id for run in truth.runs] == [self._id_of(index) for index in range(count)]
+        return (
+            truth
+            if existing == manifest
+            and count < manifest.runs
+            and all_exist
+            and none_beyond
+            and same_ids
+            and self._is_same_version()
+            else None
+        )
 
-    def _same_version(self) -> bool:
+    def _is_same_version(self) -> bool:
         """Return whether the first log here is of this version, which alone gives the same bytes."""
         started = read_log(self.log(0)).events.filter(pl.col("kind") == "run_started")
         software = parse_details(str(started["details"].first() or "")).get("software", {})
@@ -229,48 +244,55 @@ class CampaignFolder:
         """Raise if a file would be overwritten."""
         for path in (self.path / TRUTH_FILE, *map(self.log, range(self._manifest.runs))):
             if path.exists():
-                raise LogExistsError(path, _ELSEWHERE + self._finished_campaign())
+                raise LogExistsError(path, _ELSEWHERE + self._finished_campaign_text())
 
-    def _finished_campaign(self) -> str:
+    def _finished_campaign_text(self) -> str:
         try:
             truth = read_truth(self.path / TRUTH_FILE)
         except ScenarioError:
             return ""
         safety = truth.safety or ""
-        there = Manifest(truth.scenario, "", "", truth.seed, truth.engine, safety, "", len(truth.runs))
-        return f" (a finished campaign is there: {there})"
+        manifest = Manifest(truth.scenario, "", "", truth.seed, truth.engine, safety, "", len(truth.runs))
+        return f" (a finished campaign is there: {manifest})"
 
-    def _check_same(self, found: Manifest) -> None:
+    def _check_same_campaign(self, unfinished: Manifest) -> None:
         """Raise unless the campaign that is under way is this one, and the number of runs can still be chosen."""
-        own = self._manifest
-        if replace(found, runs=own.runs) != own:
-            which = str(found)
-            if found.version != own.version:
-                which += f", by hrclog {found.version}"
-            elif replace(found, runs=own.runs, digest=own.digest, cell_digest=own.cell_digest) == own:
-                which += ", whose scenario said something else"
-            remedy = f"it is an unfinished campaign: {which}; finish it with its own command or {_ELSEWHERE}"
-            raise LogExistsError(self._work, remedy)
-        beyond = [index for index in range(own.runs, found.runs) if self.log(index).exists()]
-        if beyond:
-            remedy = f"the unfinished campaign here is longer: ask for at least {beyond[-1] + 1} runs or {_ELSEWHERE}"
-            raise LogExistsError(self.log(beyond[0]), remedy)
-        for path in map(self.log, range(found.runs, own.runs)):
+        manifest = self._manifest
+        if replace(unfinished, runs=manifest.runs) != manifest:
+            description = str(unfinished)
+            if unfinished.version != manifest.version:
+                description += f", by hrclog {unfinished.version}"
+            elif (
+                replace(unfinished, runs=manifest.runs, digest=manifest.digest, cell_digest=manifest.cell_digest)
+                == manifest
+            ):
+                description += ", whose scenario said something else"
+            remedy = f"it is an unfinished campaign: {description}; finish it with its own command or {_ELSEWHERE}"
+            raise LogExistsError(self._work_folder, remedy)
+        extra_indices = [index for index in range(manifest.runs, unfinished.runs) if self.log(index).exists()]
+        if extra_indices:
+            remedy = (
+                f"the unfinished campaign here is longer: ask for at least {extra_indices[-1] + 1} runs or {_ELSEWHERE}"
+            )
+            raise LogExistsError(self.log(extra_indices[0]), remedy)
+        for path in map(self.log, range(unfinished.runs, manifest.runs)):
             if path.exists():
-                raise LogExistsError(path, f"the unfinished campaign here ({found}) did not write it; {_ELSEWHERE}")
+                raise LogExistsError(
+                    path, f"the unfinished campaign here ({unfinished}) did not write it; {_ELSEWHERE}"
+                )
 
-    def _done(self) -> dict[int, RunTruth]:
-        found: dict[int, RunTruth] = {}
+    def _finished_runs(self) -> dict[int, RunTruth]:
+        truths: dict[int, RunTruth] = {}
         for index in range(self._manifest.runs):
-            truth = _read_run(self._work / f"{self._name_of(index)}.json")
+            truth = _read_run(self._work_folder / f"{self._name_of(index)}.json")
             if truth is not None and self.log(index).exists():
-                found[index] = truth
-        return found
+                truths[index] = truth
+        return truths
 
-    def _clear(self) -> None:
-        _remove(self._work, _MANIFEST, _RUNS, *_LEFTOVERS)  # without its manifest, a campaign is over
+    def _clear_work_folder(self) -> None:
+        _remove(self._work_folder, _MANIFEST, _RUNS, *_LEFTOVERS)  # without its manifest, a campaign is over
         with suppress(OSError):  # somebody else keeps files there
-            self._work.rmdir()
+            self._work_folder.rmdir()
 
 
 def add_run(path: Path, run: Run) -> None:
@@ -287,7 +309,7 @@ def add_run(path: Path, run: Run) -> None:
     name = run.truth.name
     log, draft = path / f"{name}.mcap", path / WORK_FOLDER / f"{name}.draft"
     write_log(draft, run.events, run.signals)
-    with _told(log):
+    with _write_errors(log):
         if not log.exists():
             draft.replace(log)
         else:
@@ -298,9 +320,9 @@ def add_run(path: Path, run: Run) -> None:
                 raise LogExistsError(log, remedy)
         # not synced, which would take as long again: where a crash of the operating system damages it, the run is made
         # again
-        part = draft.with_suffix(".json")
+        truth_path = draft.with_suffix(".json")
         draft.write_bytes(compact_json(run_to_json(run.truth)).encode())
-        draft.replace(part)
+        draft.replace(truth_path)
 
 
 def _read_run(path: Path) -> RunTruth | None:
@@ -317,7 +339,7 @@ def _remove(folder: Path, *patterns: str) -> None:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _write_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
@@ -326,7 +348,7 @@ def _told(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[None]:
+def _folder_lock(path: Path) -> Iterator[None]:
     """Lock a folder; the lock ends with the process, however that ends."""
     if os.name != "posix":
         yield

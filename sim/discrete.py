@@ -75,11 +75,11 @@ class DiscreteCell:
         self._clock = clock
         self._streams = streams
         self._emit: Emit = lambda _: None
-        self._given: dict[str, _Execution] = {}  # by execution id: accepted and not ended
+        self._open_executions: dict[str, _Execution] = {}  # by execution id: accepted and not ended
         self._running: dict[str, _Execution] = {}  # by agent
-        self._modes: dict[str, tuple[str, float]] = {}
+        self._safety_states: dict[str, tuple[str, float]] = {}
         self._targets = {task.name: list(task.targets) for task in scenario.problem.tasks}
-        self._chosen: dict[str, str] = {}  # by item
+        self._chosen_targets: dict[str, str] = {}  # by item
 
     @property
     def agents(self) -> tuple[str, ...]:
@@ -98,20 +98,20 @@ class DiscreteCell:
     def watch(self) -> None:
         """Say the first safety state of each agent that is watched."""
         for agent in self._scenario.safety.agents:
-            self._say_safety(agent, 1.0)
+            self._emit_safety_state(agent, 1.0)
 
     def stop(self) -> None:
         """Do nothing: without work, nothing happens here."""
 
     def start(self, command: Command) -> None:
         """Begin a command after the agent's gap."""
-        execution, gap_ns = self._draw(command)
-        self._given[command.execution_id] = execution
+        execution, gap_ns = self._draw_execution(command)
+        self._open_executions[command.execution_id] = execution
         self._clock.schedule(self._clock.now_ns + gap_ns, partial(self._begin, execution), _BEGIN)
 
     def cancel(self, execution_id: str, reason: str) -> None:
         """End an execution as canceled, now."""
-        execution = self._given.get(execution_id)
+        execution = self._open_executions.get(execution_id)
         if execution is None:
             return
         execution.outcome, execution.reason = Outcome.CANCELED, reason
@@ -125,10 +125,10 @@ class DiscreteCell:
         else:
             execution.path_length = execution.planning_time_s = None
             execution.target = ""
-            del self._given[execution_id]
-            self._emit(self._ended(execution))
+            del self._open_executions[execution_id]
+            self._emit(self._end_event(execution))
 
-    def _draw(self, command: Command) -> tuple[_Execution, int]:
+    def _draw_execution(self, command: Command) -> tuple[_Execution, int]:
         """Draw all chances of an attempt, always the same number of them, and the gap before it in ns."""
         key = (command.agent, command.task)
         work, stream = self._scenario.work[key], self._streams[command.agent]
@@ -147,20 +147,20 @@ class DiscreteCell:
             work_ns=work_ns * share if fails else work_ns,
             planning_time_s=stream.lognormal(planning.mu, planning.sigma) if planning else None,
             path_length=path_length * (share if fails else 1.0) or None,
-            target=self._target(command, stream.uniform()),
+            target=self._choose_target(command, stream.uniform()),
         )
         return execution, round(gap_s * NS_PER_S)
 
-    def _target(self, command: Command, chance: float) -> str:
+    def _choose_target(self, command: Command, chance: float) -> str:
         """Return one of the objects that are left; a retry keeps its own."""
-        left = self._targets[command.task]
-        if command.item_id not in self._chosen and left:
-            self._chosen[command.item_id] = left.pop(int(chance * len(left)))
-        return self._chosen.get(command.item_id, "")
+        targets = self._targets[command.task]
+        if command.item_id not in self._chosen_targets and targets:
+            self._chosen_targets[command.item_id] = targets.pop(int(chance * len(targets)))
+        return self._chosen_targets.get(command.item_id, "")
 
     def _begin(self, execution: _Execution) -> None:
         command = execution.command
-        if command.execution_id not in self._given:
+        if command.execution_id not in self._open_executions:
             return
         execution.since_ns = self._clock.now_ns
         execution.remaining_ns = execution.work_ns
@@ -174,7 +174,7 @@ class DiscreteCell:
                 planned_end_ns=command.planned_end_ns,
             )
         )
-        self._refresh()
+        self._update_rates()
 
     def _end(self, execution: _Execution, version: int) -> None:
         if execution.version == version:
@@ -184,7 +184,7 @@ class DiscreteCell:
         command = execution.command
         execution.version += 1
         del self._running[command.agent]
-        del self._given[command.execution_id]
+        del self._open_executions[command.execution_id]
         self.truth.append(
             ExecutionTruth(
                 command.execution_id,
@@ -196,10 +196,10 @@ class DiscreteCell:
                 execution.work_ns / NS_PER_S,
             )
         )
-        self._emit(self._ended(execution))
-        self._refresh()
+        self._emit(self._end_event(execution))
+        self._update_rates()
 
-    def _ended(self, execution: _Execution) -> TaskEnded:
+    def _end_event(self, execution: _Execution) -> TaskEnded:
         command = execution.command
         planned = command.planned_end_ns is not None and command.planned_start_ns is not None
         return event_on(
@@ -214,7 +214,7 @@ class DiscreteCell:
             target=execution.target,
         )
 
-    def _refresh(self) -> None:
+    def _update_rates(self) -> None:
         """Set every rate by what runs now, and with it the instant of every end."""
         for execution in self._running.values():
             rate = self._rate(execution)
@@ -225,7 +225,7 @@ class DiscreteCell:
                 self._schedule_end(execution)
         for agent in self._scenario.safety.agents:
             running = self._running.get(agent)
-            self._say_safety(agent, min(running.rate, 1.0) if running else 1.0)
+            self._emit_safety_state(agent, min(running.rate, 1.0) if running else 1.0)
 
     def _rate(self, execution: _Execution) -> float:
         row = self._scenario.rates[execution.key]
@@ -244,10 +244,10 @@ class DiscreteCell:
             end_ns = execution.since_ns + round(execution.remaining_ns / execution.rate)
             self._clock.schedule(end_ns, partial(self._end, execution, execution.version), _END)
 
-    def _say_safety(self, agent: str, scale: float) -> None:
+    def _emit_safety_state(self, agent: str, scale: float) -> None:
         mode = "stopped" if scale == 0.0 else "reduced" if scale < 1.0 else "normal"
-        if self._modes.get(agent) != (mode, scale):
-            self._modes[agent] = (mode, scale)
+        if self._safety_states.get(agent) != (mode, scale):
+            self._safety_states[agent] = (mode, scale)
             self._emit(
                 SafetyStateChanged(
                     time_ns=self._clock.now_ns,
@@ -260,9 +260,9 @@ class DiscreteCell:
         execution = self._running.get(agent)
         if execution is not None and execution.paused != (scale == 0.0):
             execution.paused = not execution.paused
-            self._emit(self._pause(execution))
+            self._emit(self._pause_event(execution))
 
-    def _pause(self, execution: _Execution) -> Event:
+    def _pause_event(self, execution: _Execution) -> Event:
         command = execution.command
         kind: type[TaskPaused | TaskResumed] = TaskPaused if execution.paused else TaskResumed
         return event_on(

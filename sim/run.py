@@ -66,9 +66,9 @@ def simulate_run(scenario: Scenario, seed: int, index: int, plan: Plan | None = 
     Raises:
         ScenarioError: the plan does not fit, or the run comes to a standstill.
     """
-    given = () if plan is None else (json.dumps(plan.work_json(), sort_keys=True),)
-    chosen = plan_of(scenario, seed, index) if plan is None else fitting_plan(scenario, plan)
-    run = carry_out(scenario, chosen, seed, index, policy_of(scenario), engine=engine, apart=given)
+    plan_key = () if plan is None else (json.dumps(plan.work_json(), sort_keys=True),)
+    run_plan = plan_of(scenario, seed, index) if plan is None else fitting_plan(scenario, plan)
+    run = carry_out(scenario, run_plan, seed, index, policy_of(scenario), engine=engine, apart=plan_key)
     if run.stuck:
         items = ", ".join(f"{item.item_id} ({item.task})" for item in run.stuck[:4])
         raise ScenarioError(f"{scenario.name}: standstill, agents stop or wait for each other at {items}")
@@ -108,7 +108,7 @@ def carry_out(
     queue = EventQueue(BASE_EPOCH_NS + index * _spacing_ns(scenario))
     cell = make_engine(engine, scenario, queue, seed, index)
     executors = {**cell.executors, **others(queue)}
-    new_id = _ids(scenario, seed, index, engine, apart, queue)
+    new_id = _id_generator(scenario, seed, index, engine, apart, queue)
     setup = RunSetup(
         plan=plan,
         problem=scenario.problem,
@@ -125,7 +125,7 @@ def carry_out(
 
     dispatcher = Dispatcher(setup, executors, queue, run_id=run_id, emit=write, new_id=new_id, on_done=cell.stop)
     write(RunStarted(time_ns=queue.now_ns, name=name, **setup.facts()))
-    if any(executors[agent] is own for agent, own in cell.executors.items()):
+    if any(executors[agent] is cell_executor for agent, cell_executor in cell.executors.items()):
         cell.watch()
     dispatcher.run()
     outcome, reason = dispatcher.verdict()
@@ -134,7 +134,7 @@ def carry_out(
     return Run(tuple(events), _truth(cell, run_id, name, outcome), signals, dispatcher.stuck)
 
 
-def _ids(
+def _id_generator(
     scenario: Scenario, seed: int, index: int, engine: str, apart: tuple[str, ...], queue: EventQueue
 ) -> Uuid7Generator:
     other_engine = () if engine == ENGINES[0] else (engine, scenario.cell_digest)
@@ -162,7 +162,7 @@ def policy_of(scenario: Scenario) -> DispatchPolicy:
 def run_id_of(scenario: Scenario, seed: int, index: int, engine: str = ENGINES[0]) -> str:
     """Return the id of a run of a campaign, which depends on all that the scenario says."""
     queue = EventQueue(BASE_EPOCH_NS + index * _spacing_ns(scenario))
-    return _ids(scenario, seed, index, engine, (), queue)()
+    return _id_generator(scenario, seed, index, engine, (), queue)()
 
 
 def run_name(scenario: Scenario, index: int) -> str:
@@ -181,19 +181,19 @@ class PlanSequence:
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self._scenario = scenario
         self._seed = seed
-        self._drawn: Iterator[Plan] = random_plans(scenario.problem, seed)
+        self._random_plans: Iterator[Plan] = random_plans(scenario.problem, seed)
         self._plans: list[Plan] = []
         self._round: tuple[int, list[int]] = (0, [])
 
     def __getitem__(self, index: int) -> Plan:
-        for plan in itertools.islice(self._drawn, max(index + 1 - len(self._plans), 0)):
-            self._plans.append(_marked(self._scenario, _timed(self._scenario, plan)))
+        for plan in itertools.islice(self._random_plans, max(index + 1 - len(self._plans), 0)):
+            self._plans.append(_with_problem(self._scenario, _with_times(self._scenario, plan)))
         if index < len(self._plans):
             return self._plans[index]
         number, place = divmod(index, len(self._plans))
         if self._round[0] != number:
-            source = Stream(self._seed, "round", number)
-            chances = [source.uniform() for _ in self._plans]
+            stream = Stream(self._seed, "round", number)
+            chances = [stream.uniform() for _ in self._plans]
             self._round = (number, sorted(range(len(chances)), key=chances.__getitem__))
         return self._plans[self._round[1][place]]
 
@@ -215,16 +215,16 @@ def fitting_plan(scenario: Scenario, plan: Plan) -> Plan:
         ScenarioError: the plan does not solve the scenario's problem.
     """
     check_plan(scenario.problem, plan)
-    timed = plan if all(item.planned_start_s is not None for item in plan.items) else _timed(scenario, plan)
-    return _marked(scenario, timed)
+    timed = plan if all(item.planned_start_s is not None for item in plan.items) else _with_times(scenario, plan)
+    return _with_problem(scenario, timed)
 
 
-def _timed(scenario: Scenario, plan: Plan) -> Plan:
+def _with_times(scenario: Scenario, plan: Plan) -> Plan:
     gaps_s = {agent: gap.mean_s for agent, gap in scenario.gap.items()}
     return with_planned_times(plan, scenario.durations_s, gaps_s)
 
 
-def _marked(scenario: Scenario, plan: Plan) -> Plan:
+def _with_problem(scenario: Scenario, plan: Plan) -> Plan:
     """Return a plan that names its problem."""
     return plan if plan.problem else replace(plan, problem=made_for(scenario.name, scenario.problem))
 

@@ -135,9 +135,9 @@ class Scenario:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of all that the scenario says of its discrete events, as hexadecimal text."""
-        scenario = asdict(replace(self, cell=None), dict_factory=_without_the_usual)
-        said = {name: value for name, value in scenario.items() if name != "cell"}
-        return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+        scenario = asdict(replace(self, cell=None), dict_factory=_without_defaults)
+        event_fields = {name: value for name, value in scenario.items() if name != "cell"}
+        return hashlib.sha256(json.dumps(event_fields, sort_keys=True).encode()).hexdigest()
 
     @cached_property
     def cell_digest(self) -> str:
@@ -145,12 +145,12 @@ class Scenario:
         return hashlib.sha256(json.dumps(self.cell and asdict(self.cell), sort_keys=True).encode()).hexdigest()
 
 
-_USUAL: Final = {"role": Role.PRIMARY, "resources": (), "release_s": 0.0, "due_s": None, "expected_s": {}}
+_DEFAULTS: Final = {"role": Role.PRIMARY, "resources": (), "release_s": 0.0, "due_s": None, "expected_s": {}}
 
 
-def _without_the_usual(fields: list[tuple[str, Any]]) -> dict[str, Any]:
+def _without_defaults(fields: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return fields without those of a task that say nothing, so that the digest is that of when there were none."""
-    return {name: value for name, value in fields if name not in _USUAL or value != _USUAL[name]}
+    return {name: value for name, value in fields if name not in _DEFAULTS or value != _DEFAULTS[name]}
 
 
 def scenario_names() -> list[str]:
@@ -298,39 +298,41 @@ def _check_cell(scenario: Scenario, cell: Cell) -> None:
             boxes = [box.name for box in cell.objects_of(cell.skill[agent, kind.name].objects)]
             for name in kind.targets:
                 if name not in boxes:
-                    known = ", ".join(boxes) or "none"
-                    raise ScenarioError(f"task {kind.name!r}: target {name!r} is not in the cell, which has {known}")
+                    known_names = ", ".join(boxes) or "none"
+                    raise ScenarioError(
+                        f"task {kind.name!r}: target {name!r} is not in the cell, which has {known_names}"
+                    )
 
 
 _NAME_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 
 
-def _check_choice(what: str, found: str, allowed: tuple[str, ...]) -> None:
-    if found not in allowed:
-        raise ScenarioError(f"{what}: found {found!r}, expected one of {', '.join(allowed)}")
+def _check_choice(field: str, value: str, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise ScenarioError(f"{field}: found {value!r}, expected one of {', '.join(allowed)}")
 
 
 def _key_checks(scenario: Scenario) -> Iterator[Callable[[], object]]:
     """Yield checks that what is said of agents and tasks is said once, and of those that there are."""
     possible = set(scenario.problem.agent_tasks())
-    given = [(work.agent, work.task) for work in scenario.works]
-    for agent, task in _repeated(given):
+    work_keys = [(work.agent, work.task) for work in scenario.works]
+    for agent, task in _duplicates(work_keys):
         yield partial(_fail, f"work: {task!r} by {agent!r} is given twice; remove one")
-    for agent, task in sorted(possible - set(given)):
+    for agent, task in sorted(possible - set(work_keys)):
         yield partial(_fail, f"work: {task!r} by {agent!r} is missing; add its median_s and sigma")
-    for key in given:
+    for key in work_keys:
         yield partial(_check_possible, "work", key, possible)
     pairs = [((s.agent, s.task), (s.other_agent, s.other_task)) for s in scenario.synergies]
     for key, other in pairs:
         yield partial(_check_pair, key, other, possible)
-    for key, other in _repeated(pairs):
+    for key, other in _duplicates(pairs):
         yield partial(_fail, f"synergies: {key[1]!r} by {key[0]!r} with {other[1]!r} by {other[0]!r} is given twice")
     agents = [gap.agent for gap in scenario.gaps]
     for agent in (*agents, *scenario.safety.agents):
         if agent not in scenario.problem.agents:
-            known = ", ".join(scenario.problem.agents)
-            yield partial(_fail, f"gaps or safety: agent {agent!r} is unknown; the agents are {known}")
-    for agent in _repeated(agents):
+            known_names = ", ".join(scenario.problem.agents)
+            yield partial(_fail, f"gaps or safety: agent {agent!r} is unknown; the agents are {known_names}")
+    for agent in _duplicates(agents):
         yield partial(_fail, f"gaps: agent {agent!r} is given twice; remove one")
 
 
@@ -345,7 +347,7 @@ def _fail(problem: str) -> None:
     raise ScenarioError(problem)
 
 
-def _repeated(values: list[T]) -> Iterator[T]:
+def _duplicates(values: list[T]) -> Iterator[T]:
     seen: set[T] = set()
     for value in values:
         if value in seen:
@@ -353,9 +355,9 @@ def _repeated(values: list[T]) -> Iterator[T]:
         seen.add(value)
 
 
-def _check_possible(what: str, key: AgentTask, possible: set[AgentTask]) -> None:
+def _check_possible(field: str, key: AgentTask, possible: set[AgentTask]) -> None:
     if key not in possible:
-        raise ScenarioError(f"{what}: {key[1]!r} by {key[0]!r} is not in the problem; check the names and the agents")
+        raise ScenarioError(f"{field}: {key[1]!r} by {key[0]!r} is not in the problem; check the names and the agents")
 
 
 def _check_stops(scenario: Scenario) -> None:

@@ -143,7 +143,7 @@ def write_truth(path: Path, truth: Truth) -> None:
     """
     if path.exists():
         raise LogExistsError(path, "choose another folder")
-    replace_atomically(path, lambda stream: stream.write(_text(truth).encode()))
+    replace_atomically(path, lambda stream: stream.write(_truth_text(truth).encode()))
 
 
 def read_truth(path: Path) -> Truth:
@@ -202,11 +202,11 @@ def _synergy(scenario: Scenario, key: tuple[str, str], other: tuple[str, str]) -
 
 def _row(part: ExecutionTruth | PairTruth | TaskTruth | SynergyTruth | RunTruth) -> dict[str, Any]:
     """Return the fields of a part by name, without those that nobody knows."""
-    values = ((one, getattr(part, one.name)) for one in fields(part))
-    return {one.name: value for one, value in values if value != one.default}
+    values = ((field, getattr(part, field.name)) for field in fields(part))
+    return {field.name: value for field, value in values if value != field.default}
 
 
-def _text(truth: Truth) -> str:
+def _truth_text(truth: Truth) -> str:
     head = {
         "schema_version": TRUTH_VERSION,
         "scenario": truth.scenario,

@@ -72,55 +72,55 @@ class Dispatcher:
         self._on_done = on_done
         self._start_ns = clock.now_ns
         self._items = {item.item_id: item for item in plan.items}
-        self._left = set(self._items)  # those that are not over
-        self._under_way: dict[str, str] = {}  # item by agent: dispatched, running or about to be tried again
+        self._open_items = set(self._items)  # those that are not over
+        self._items_under_way: dict[str, str] = {}  # item by agent: dispatched, running or about to be tried again
         self._facts: set[str] = set()
-        self._ended: tuple[str, str] | None = None  # outcome and reason of an aborted run
-        self._retrying: set[str] = set()
+        self._abort_verdict: tuple[str, str] | None = None  # outcome and reason of an aborted run
+        self._retrying_agents: set[str] = set()
         self._timers: set[object] = set()
         self._steps: deque[Action] = deque()
         self._n_steps = 0
         self._stepping = False
-        self._n_asking = 0  # questions for another plan that wait for their turn: nothing new is begun till then
-        self._replanner = Replanner(setup.replan, plan, problem, policy, clock, self._ask)
-        self._manager = TaskManager(problem, executors, clock, policy, self._tell, self._close)
+        self._n_requests = 0  # questions for another plan that wait for their turn: nothing new is begun till then
+        self._replanner = Replanner(setup.replan, plan, problem, policy, clock, self._request_replan)
+        self._manager = TaskManager(problem, executors, clock, policy, self._emit_event, self._handle_end)
 
     def run(self) -> None:
         """Carry the plan out to its end."""
         for arrival in self._plan.arrivals:
-            self._later(self._instant(arrival.at_s), partial(self._take_fact, arrival.fact))
-        self._clock.submit(partial(self._step, self._dispatch_all))  # after what executors have said so far
+            self._schedule_step(self._instant_ns(arrival.at_s), partial(self._handle_fact, arrival.fact))
+        self._clock.submit(partial(self._do_step, self._dispatch_all))  # after what executors have said so far
         while not self.done:
             self._clock.run(lambda: self.done)
             if not self.done:
-                self._step(self._stand_still)
+                self._do_step(self._handle_standstill)
 
     def arrive(self, fact: str) -> None:
         """Take in that something is the case from now on, for items that need it."""
-        self._clock.submit(partial(self._step, partial(self._take_fact, fact)))
+        self._clock.submit(partial(self._do_step, partial(self._handle_fact, fact)))
 
     def abort(self, reason: str, outcome: str = Outcome.CANCELED) -> None:
         """Cancel what runs and end the run; what has not begun is left out of the log."""
-        self._clock.submit(partial(self._step, partial(self._abort, reason, outcome)))
+        self._clock.submit(partial(self._do_step, partial(self._abort, reason, outcome)))
 
     def verdict(self) -> tuple[str, str]:
         """Return the outcome of the run and why."""
-        if self._ended is not None:
-            return self._ended
-        found = [self.outcomes[item_id] for item_id in self._items if item_id in self.outcomes]
-        n_lost = sum(outcome != Outcome.SUCCEEDED for outcome in found)
+        if self._abort_verdict is not None:
+            return self._abort_verdict
+        final_outcomes = [self.outcomes[item_id] for item_id in self._items if item_id in self.outcomes]
+        n_lost = sum(outcome != Outcome.SUCCEEDED for outcome in final_outcomes)
         if n_lost:
-            return Outcome.FAILED, f"{n_lost} of {len(found)} items did not succeed"
-        left_out = self._replanner.left_out(self.outcomes)
-        if left_out and self.done:
-            return Outcome.FAILED, f"not all of the first plan was done: {left_out}"
+            return Outcome.FAILED, f"{n_lost} of {len(final_outcomes)} items did not succeed"
+        missing_work = self._replanner.left_out(self.outcomes)
+        if missing_work and self.done:
+            return Outcome.FAILED, f"not all of the first plan was done: {missing_work}"
         return Outcome.SUCCEEDED, ""
 
-    def _tell(self, event: Event) -> None:
+    def _emit_event(self, event: Event) -> None:
         self._emit(event)
         self._replanner.take(event)
 
-    def _step(self, action: Action) -> None:
+    def _do_step(self, action: Action) -> None:
         """Do one thing after the other: what executors answer at once waits until its turn has come."""
         self._steps.append(action)
         self._n_steps += 1
@@ -132,12 +132,12 @@ class Dispatcher:
                 self._steps.popleft()()
         finally:
             self._stepping = False
-        self._look_for_the_end()
+        self._check_end()
 
-    def _look_for_the_end(self) -> None:
+    def _check_end(self) -> None:
         if self.done or self._manager.active:
             return
-        if self._ended is not None or not self._left:
+        if self._abort_verdict is not None or not self._open_items:
             self.done = True
             self._on_done()
         elif not self._timers and self._policy.max_wait_s is not None:
@@ -146,18 +146,18 @@ class Dispatcher:
 
     def _stop_waiting(self, n_steps: int) -> None:
         if n_steps == self._n_steps and not self.done:
-            self._step(self._stand_still)
+            self._do_step(self._handle_standstill)
 
     def _dispatch_all(self) -> None:
         """Ask for every agent until nothing changes: a skipped item may free or doom another agent's."""
-        while self._ended is None:
+        while self._abort_verdict is None:
             skipped = [agent for agent in self._schedule.queues if self._dispatch(agent)]
             if not skipped:
                 return
 
     def _dispatch(self, agent: str) -> bool:
         """Do what the rule says for an agent, and return whether an item was skipped."""
-        if self._n_asking:
+        if self._n_requests:
             return False
         decision = self._decide(agent)
         if decision.item is None:
@@ -170,10 +170,10 @@ class Dispatcher:
             self._skip(decision.item, f"needs {lost}")
             return True
         if decision.verdict is Verdict.START:
-            self._send(decision.item, 1)
+            self._send_command(decision.item, 1)
         elif decision.not_before_s is not None:
             wake_ns = self._start_ns + math.ceil(decision.not_before_s * NS_PER_S)
-            self._later(max(wake_ns, self._clock.now_ns + 1), partial(self._wake, agent))
+            self._schedule_step(max(wake_ns, self._clock.now_ns + 1), partial(self._wake, agent))
         return False
 
     def _decide(self, agent: str) -> Decision:
@@ -181,30 +181,30 @@ class Dispatcher:
         return decide(
             self._schedule.queues[agent],
             self.outcomes,
-            busy=agent in self._under_way,
+            busy=agent in self._items_under_way,
             now_s=(self._clock.now_ns - self._start_ns) / NS_PER_S if timed else None,
             facts=self._facts,
             rules=self._schedule.rules,
-            under_way=self._under_way.values(),
+            under_way=self._items_under_way.values(),
         )
 
     def _wake(self, agent: str) -> None:
-        if self._ended is None and self._dispatch(agent):
+        if self._abort_verdict is None and self._dispatch(agent):
             self._dispatch_all()
 
-    def _later(self, time_ns: int, action: Action) -> None:
+    def _schedule_step(self, time_ns: int, action: Action) -> None:
         """Let a step happen at an instant, if the plan is still the same; until then there is something to wait for."""
         timer = object()
 
         def due() -> None:
             if timer in self._timers:
                 self._timers.discard(timer)
-                self._step(action)
+                self._do_step(action)
 
         self._timers.add(timer)
         self._clock.schedule(time_ns, due)
 
-    def _send(self, item: PlanItem, attempt: int) -> None:
+    def _send_command(self, item: PlanItem, attempt: int) -> None:
         task = self._tasks.get(item.task)
         command = Command(
             run_id=self._run_id,
@@ -216,80 +216,84 @@ class Dispatcher:
             task_type=task.task_type if task else "",
             role=task.role if task else Role.PRIMARY,
             attempt=attempt,
-            planned_start_ns=self._planned(item.planned_start_s),
-            planned_end_ns=self._planned(item.planned_end_s),
+            planned_start_ns=self._planned_ns(item.planned_start_s),
+            planned_end_ns=self._planned_ns(item.planned_end_s),
         )
-        self._under_way[item.agent] = item.item_id
+        self._items_under_way[item.agent] = item.item_id
         self._manager.give(command, item.timeout_s)
 
-    def _close(self, command: Command, event: TaskEnded, again: bool) -> None:  # noqa: FBT001 - the form of OnEnd
+    def _handle_end(self, command: Command, event: TaskEnded, may_retry: bool) -> None:  # noqa: FBT001 - the form of OnEnd
         """Try an item again, or note that it is over and go on."""
-        failed = event.outcome in _FAILURES and self._ended is None
-        if failed and again and command.attempt < self._policy.max_attempts:
-            self._retrying.add(command.agent)
-            self._step(partial(self._retry, command, event.outcome))
+        failed = event.outcome in _FAILURES and self._abort_verdict is None
+        if failed and may_retry and command.attempt < self._policy.max_attempts:
+            self._retrying_agents.add(command.agent)
+            self._do_step(partial(self._retry, command, event.outcome))
             return
-        self._over(command.item_id, event.outcome, command.agent)
-        go_on: Action = self._dispatch_all
+        self._mark_over(command.item_id, event.outcome, command.agent)
+        next_action: Action = self._dispatch_all
         if failed and self._policy.on_failure == OnFailure.ABORT:
             reason = f"{command.item_id} ({command.task}) failed {command.attempt} times"
-            go_on = partial(self._abort, reason, Outcome.FAILED)
+            next_action = partial(self._abort, reason, Outcome.FAILED)
         if failed and self._replanner.wants(ReplanOn.FAILURE):
-            said = f": {event.reason}" if event.reason else ""
-            self._ask(command.item_id, f"{command.item_id} ({command.task}) {event.outcome}{said}", go_on)
+            detail = f": {event.reason}" if event.reason else ""
+            self._request_replan(
+                command.item_id, f"{command.item_id} ({command.task}) {event.outcome}{detail}", next_action
+            )
         else:
-            self._step(go_on)
+            self._do_step(next_action)
 
-    def _over(self, item_id: str, outcome: str, agent: str = "") -> None:
+    def _mark_over(self, item_id: str, outcome: str, agent: str = "") -> None:
         """Note how an item ended, and that its agent is free."""
         self.outcomes[item_id] = outcome
-        self._left.discard(item_id)
-        self._under_way.pop(agent, None)
+        self._open_items.discard(item_id)
+        self._items_under_way.pop(agent, None)
 
     def _retry(self, command: Command, outcome: str) -> None:
         """Begin the next attempt, unless the run was aborted in the meantime."""
-        self._retrying.discard(command.agent)
-        if self._ended is None:
-            self._send(self._items[command.item_id], command.attempt + 1)
+        self._retrying_agents.discard(command.agent)
+        if self._abort_verdict is None:
+            self._send_command(self._items[command.item_id], command.attempt + 1)
         else:
-            self._over(command.item_id, outcome, command.agent)
+            self._mark_over(command.item_id, outcome, command.agent)
 
     def _abort(self, reason: str, outcome: str) -> None:
-        if self._ended is not None or self.done:
+        if self._abort_verdict is not None or self.done:
             return
-        self._ended = (outcome, reason)
+        self._abort_verdict = (outcome, reason)
         for execution_id in list(self._manager.active.values()):
             self._manager.cancel(execution_id, reason)
 
-    def _take_fact(self, fact: str) -> None:
-        self._note_fact(fact)
+    def _handle_fact(self, fact: str) -> None:
+        self._add_fact(fact)
         self._dispatch_all()
 
-    def _note_fact(self, fact: str) -> None:
+    def _add_fact(self, fact: str) -> None:
         if fact not in self._facts and not self.done:
             self._facts.add(fact)
             self._annotate(f"{fact} arrived", {"arrived": fact})
 
     def _annotate(self, text: str, details: dict[str, str] | None = None) -> None:
-        said = text.encode(errors="backslashreplace").decode()  # what every log can hold
-        self._tell(AnnotationAdded(time_ns=self._clock.now_ns, run_id=self._run_id, reason=said, details=details or {}))
+        safe_text = text.encode(errors="backslashreplace").decode()  # what every log can hold
+        self._emit_event(
+            AnnotationAdded(time_ns=self._clock.now_ns, run_id=self._run_id, reason=safe_text, details=details or {})
+        )
 
-    def _ask(self, item_id: str, reason: str, otherwise: Action | None = None) -> None:
+    def _request_replan(self, item_id: str, reason: str, fallback: Action | None = None) -> None:
         """Ask for another plan as soon as it is this step's turn; without one do something else, usually go on."""
         if not self.done:
-            self._n_asking += 1
-            self._step(partial(self._replan, item_id, reason, otherwise or self._dispatch_all))
+            self._n_requests += 1
+            self._do_step(partial(self._replan, item_id, reason, fallback or self._dispatch_all))
 
-    def _replan(self, item_id: str, reason: str, otherwise: Action) -> None:
-        if self._retrying:  # their next attempts are on their way: then it is known what is running
-            self._steps.append(partial(self._replan, item_id, reason, otherwise))
+    def _replan(self, item_id: str, reason: str, fallback: Action) -> None:
+        if self._retrying_agents:  # their next attempts are on their way: then it is known what is running
+            self._steps.append(partial(self._replan, item_id, reason, fallback))
             return
-        self._n_asking -= 1
+        self._n_requests -= 1
         replaced = item_id not in self._items  # by a plan that was asked for on something else at this instant
-        if self._ended is not None or replaced or self._change_plan(reason):
+        if self._abort_verdict is not None or replaced or self._change_plan(reason):
             self._dispatch_all()
         else:
-            otherwise()
+            fallback()
 
     def _change_plan(self, reason: str) -> bool:
         """Follow another plan if there is one, and return whether there is."""
@@ -299,12 +303,12 @@ class Dispatcher:
                 return False
             schedule = schedule_of(plan, DispatchMode(self._policy.mode), self._problem)
             now_ns = self._clock.now_ns
-            self._tell(PlanChanged(time_ns=now_ns, run_id=self._run_id, plan=plan.to_json(), reason=reason))
+            self._emit_event(PlanChanged(time_ns=now_ns, run_id=self._run_id, plan=plan.to_json(), reason=reason))
         except LogWriteError:
             raise
         except Exception as error:  # noqa: BLE001 - a planner is foreign code: the cell goes on without it
-            why = str(error) if isinstance(error, HrclogError) else f"{type(error).__name__}: {error}"
-            self._annotate(f"asked for another plan ({reason}), going on as before: {why}")
+            problem = str(error) if isinstance(error, HrclogError) else f"{type(error).__name__}: {error}"
+            self._annotate(f"asked for another plan ({reason}), going on as before: {problem}")
             return False
         self._follow(plan, schedule)
         return True
@@ -313,40 +317,40 @@ class Dispatcher:
         """Put a plan in the place of the one that was followed; what it leaves out and had not begun is forgotten."""
         self._plan, self._schedule = plan, schedule
         self._items = {item.item_id: item for item in plan.items}
-        self._left = self._items.keys() - self.outcomes.keys()
+        self._open_items = self._items.keys() - self.outcomes.keys()
         self._timers.clear()
         self._replanner.follow(plan)
         for arrival in plan.arrivals:
-            if self._instant(arrival.at_s) <= self._clock.now_ns:
-                self._note_fact(arrival.fact)
+            if self._instant_ns(arrival.at_s) <= self._clock.now_ns:
+                self._add_fact(arrival.fact)
             else:
-                self._later(self._instant(arrival.at_s), partial(self._take_fact, arrival.fact))
+                self._schedule_step(self._instant_ns(arrival.at_s), partial(self._handle_fact, arrival.fact))
 
-    def _stand_still(self) -> None:
+    def _handle_standstill(self) -> None:
         """Give up what is left, when nothing more is going to happen."""
-        left = [item for item in self._plan.items if item.item_id not in self.outcomes]
+        open_items = [item for item in self._plan.items if item.item_id not in self.outcomes]
         if self._manager.active:
-            self.stuck = self.stuck or tuple(left)
+            self.stuck = self.stuck or tuple(open_items)
             for execution_id in list(self._manager.active.values()):
                 self._manager.cancel(execution_id, "standstill: nothing more was going to happen")
             return
-        reasons = {item.item_id: self._why_left(item, left) for item in left}
-        for item in left:
+        reasons = {item.item_id: self._skip_reason(item, open_items) for item in open_items}
+        for item in open_items:
             self._skip(item, reasons[item.item_id])
 
-    def _why_left(self, item: PlanItem, left: Iterable[PlanItem]) -> str:
+    def _skip_reason(self, item: PlanItem, open_items: Iterable[PlanItem]) -> str:
         missing = [fact for fact in item.needs if fact not in self._facts]
         if missing:
             return f"needs {', '.join(missing)}, which never arrived"
-        first = self._decide(item.agent)
-        names = first.because or ((first.item.item_id,) if first.item and first.item is not item else ())
-        waits = ", ".join(names) or ", ".join(other.item_id for other in left if other is not item)
-        return f"the plan cannot go on: it waits for {waits}" if waits else "the plan cannot go on"
+        decision = self._decide(item.agent)
+        names = decision.because or ((decision.item.item_id,) if decision.item and decision.item is not item else ())
+        blockers = ", ".join(names) or ", ".join(other.item_id for other in open_items if other is not item)
+        return f"the plan cannot go on: it waits for {blockers}" if blockers else "the plan cannot go on"
 
     def _skip(self, item: PlanItem, reason: str) -> None:
         task = self._tasks.get(item.task)
-        self._over(item.item_id, Outcome.SKIPPED)
-        self._tell(
+        self._mark_over(item.item_id, Outcome.SKIPPED)
+        self._emit_event(
             TaskEnded(
                 time_ns=self._clock.now_ns,
                 run_id=self._run_id,
@@ -361,8 +365,8 @@ class Dispatcher:
             )
         )
 
-    def _instant(self, second: float) -> int:
+    def _instant_ns(self, second: float) -> int:
         return self._start_ns + round(second * NS_PER_S)
 
-    def _planned(self, planned_s: float | None) -> int | None:
-        return None if planned_s is None else self._instant(planned_s)
+    def _planned_ns(self, planned_s: float | None) -> int | None:
+        return None if planned_s is None else self._instant_ns(planned_s)

@@ -71,9 +71,9 @@ def _on_interrupt(action: Action) -> Iterator[None]:
         yield
         return
     numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, lambda *_: action()) for number in numbers}
+    previous_handlers = {number: signal.signal(number, lambda *_: action()) for number in numbers}
     try:
         yield
     finally:
-        for number, handler in before.items():
+        for number, handler in previous_handlers.items():
             signal.signal(number, handler)

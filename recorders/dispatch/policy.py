@@ -90,6 +90,6 @@ class DispatchPolicy:
         return f"DispatchPolicy({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
 
-def _check_word(what: str, found: str, allowed: tuple[str, ...]) -> None:
-    if found not in allowed:
-        raise DispatchError(f"{what}: found {found!r}, expected one of {', '.join(allowed)}")
+def _check_word(name: str, value: str, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise DispatchError(f"{name}: found {value!r}, expected one of {', '.join(allowed)}")

@@ -94,7 +94,7 @@ class TaskManager:
         self._executions: dict[str, _Execution] = {}
         self._steps: dict[str, ExecutionState] = {}
         for executor in {id(executor): executor for executor in executors.values()}.values():
-            executor.connect(partial(self._hear, executor))
+            executor.connect(partial(self._receive, executor))
 
     def give(self, command: Command, timeout_s: float | None = None) -> None:
         """Hand a command to its agent's executor, or refuse it.
@@ -107,7 +107,7 @@ class TaskManager:
         execution = _Execution(command, self._executors.get(command.agent), limit_s)
         self._executions[command.execution_id] = execution
         self.active[command.agent] = command.execution_id
-        self._say(
+        self._emit_fact(
             execution,
             TaskDispatched,
             planned_start_ns=command.planned_start_ns,
@@ -118,13 +118,13 @@ class TaskManager:
             self._refuse(execution, refusal)
             return
         start_s = self._policy.start_timeout_s if self._policy.start_timeout_s is not None else limit_s
-        self._limit(execution, Phase.DISPATCHED, start_s, "did not start within")
+        self._schedule_limit(execution, Phase.DISPATCHED, start_s, "did not start within")
         try:
             execution.executor.start(command)
         except LogWriteError:  # of the log itself
             raise
         except Exception as error:  # noqa: BLE001 - an executor is foreign code: its failure is the attempt's
-            self._end(execution, Outcome.FAILED, f"executor: {_named(error)}")
+            self._end(execution, Outcome.FAILED, f"executor: {_error_text(error)}")
 
     def cancel(self, execution_id: str, reason: str) -> None:
         """Ask for the end of an execution; without an answer within the policy's grace it is ended here."""
@@ -137,9 +137,9 @@ class TaskManager:
         except LogWriteError:
             raise
         except Exception as error:  # noqa: BLE001 - as in `give`
-            self._note(f"executor of {execution.command.agent!r} could not cancel: {_named(error)}", {})
+            self._annotate(f"executor of {execution.command.agent!r} could not cancel: {_error_text(error)}", {})
         if not execution.over():
-            self._after(self._policy.grace_s, partial(self._give_up, execution, reason))
+            self._schedule_after(self._policy.grace_s, partial(self._end_unanswered, execution, reason))
 
     def _refusal(self, command: Command) -> str:
         """Return why a command cannot be handed out, "" if it can."""
@@ -152,28 +152,28 @@ class TaskManager:
             return f"no executor acts for {command.agent!r}, only for {', '.join(self._executors) or 'nobody'}"
         return ""
 
-    def _hear(self, executor: Executor, event: Event) -> None:
-        self._clock.submit(partial(self._take, executor, event))
+    def _receive(self, executor: Executor, event: Event) -> None:
+        self._clock.submit(partial(self._handle_event, executor, event))
 
-    def _take(self, executor: Executor, event: Event) -> None:
+    def _handle_event(self, executor: Executor, event: Event) -> None:
         """Let an executor's event through, or keep it as an annotation."""
         if isinstance(event, TaskFact) and event.parent_execution_id:
-            self._take_step(executor, event)
+            self._handle_step(executor, event)
         elif isinstance(event, TaskFact | CommandRejected):
             execution = self._executions.get(str(event.execution_id))
             if execution is None or execution.executor is not executor:
-                whose = "unknown" if execution is None else "another executor's"
-                self._drop(executor, event, f"execution {event.execution_id!r} is {whose}")
+                owner = "unknown" if execution is None else "another executor's"
+                self._drop(executor, event, f"execution {event.execution_id!r} is {owner}")
             elif isinstance(event, CommandRejected):
-                self._take_rejection(execution, event)
+                self._handle_rejection(execution, event)
             else:
-                self._take_fact(execution, event)
+                self._handle_fact(execution, event)
         elif isinstance(event, _PASSED_ON):
             self._try_emit(executor, event)
         else:
             self._drop(executor, event, "it is not an executor's to say")
 
-    def _take_step(self, executor: Executor, event: TaskFact) -> None:
+    def _handle_step(self, executor: Executor, event: TaskFact) -> None:
         """Let a step of a running execution through; its executor numbers its steps by itself."""
         parent = self._executions.get(str(event.parent_execution_id))
         if parent is None or parent.executor is not executor or parent.over() or event.execution_id in self._executions:
@@ -187,17 +187,17 @@ class TaskManager:
         elif self._try_emit(executor, step):
             self._steps[step.execution_id] = state
 
-    def _take_rejection(self, execution: _Execution, event: CommandRejected) -> None:
+    def _handle_rejection(self, execution: _Execution, event: CommandRejected) -> None:
         if execution.over():
             self._drop(execution.executor, event, "the execution has ended")
         else:
-            self._refuse(execution, _text(event.reason) or "the executor rejected the command")
+            self._refuse(execution, _safe_text(event.reason) or "the executor rejected the command")
 
-    def _take_fact(self, execution: _Execution, event: TaskFact) -> None:
+    def _handle_fact(self, execution: _Execution, event: TaskFact) -> None:
         if not _is_instant(event.time_ns):
             self._drop(execution.executor, event, f"its instant is {event.time_ns!r}")
             return
-        fact = _limited(execution, _completed(execution, event))
+        fact = _with_timeout_outcome(execution, _with_command_ids(execution, event))
         state, problem = apply(execution.state, fact)
         if problem is None and self._try_emit(execution.executor, fact):
             self._advance(execution, fact, state)
@@ -205,61 +205,67 @@ class TaskManager:
         if problem is not None:
             self._drop(execution.executor, event, f"{problem} ({execution.state.phase})")
         if isinstance(fact, TaskEnded) and not execution.over() and problem != "identity_changed":
-            reason = f"the executor said {_text(fact.outcome)!r}, which is not possible ({problem or 'invalid event'})"
+            reason = (
+                f"the executor said {_safe_text(fact.outcome)!r}, which is not possible ({problem or 'invalid event'})"
+            )
             self._end(execution, Outcome.FAILED, reason)
 
-    def _advance(self, execution: _Execution, fact: TaskFact, state: ExecutionState, *, again: bool = True) -> None:
+    def _advance(self, execution: _Execution, fact: TaskFact, state: ExecutionState, *, may_retry: bool = True) -> None:
         """Note what was written, and act on it."""
         execution.state, execution.last_ns = state, fact.time_ns
         if isinstance(fact, TaskStarted):
-            self._limit(execution, Phase.STARTED, execution.timeout_s, "took longer than")
+            self._schedule_limit(execution, Phase.STARTED, execution.timeout_s, "took longer than")
         elif isinstance(fact, TaskEnded):
             del self.active[fact.agent]
-            self._on_end(execution.command, fact, again)
+            self._on_end(execution.command, fact, may_retry)
 
-    def _limit(self, execution: _Execution, phase: Phase, limit_s: float | None, text: str) -> None:
+    def _schedule_limit(self, execution: _Execution, phase: Phase, limit_s: float | None, text: str) -> None:
         if limit_s is not None:
-            self._after(limit_s, partial(self._run_into, execution, phase, f"{text} {limit_s:g} s"))
+            self._schedule_after(limit_s, partial(self._cancel_if_overdue, execution, phase, f"{text} {limit_s:g} s"))
 
-    def _run_into(self, execution: _Execution, phase: Phase, limit: str) -> None:
+    def _cancel_if_overdue(self, execution: _Execution, phase: Phase, limit: str) -> None:
         """Cancel an execution that has not come out of a phase in time."""
-        now = execution.state.phase
-        if now is Phase.ENDED or execution.canceled or (phase is Phase.DISPATCHED and now is not Phase.DISPATCHED):
+        current_phase = execution.state.phase
+        if (
+            current_phase is Phase.ENDED
+            or execution.canceled
+            or (phase is Phase.DISPATCHED and current_phase is not Phase.DISPATCHED)
+        ):
             return
         execution.limit = limit
         self.cancel(execution.command.execution_id, limit)
 
-    def _give_up(self, execution: _Execution, reason: str) -> None:
+    def _end_unanswered(self, execution: _Execution, reason: str) -> None:
         """End an execution whose executor did not answer a cancel, and give that agent nothing more."""
         if execution.over():
             return
         agent = execution.command.agent
         self.lost[agent] = f"executor of {agent!r} does not answer"
         silence = f"the executor did not answer the cancel within {self._policy.grace_s:g} s"
-        self._end(execution, Outcome.TIMED_OUT, f"{reason}; {silence}", again=False)
+        self._end(execution, Outcome.TIMED_OUT, f"{reason}; {silence}", may_retry=False)
 
     def _refuse(self, execution: _Execution, reason: str) -> None:
-        self._emit(rejection(execution.command, time_ns=self._now(execution), reason=reason))
-        self._end(execution, Outcome.FAILED, reason, again=False)
+        self._emit(rejection(execution.command, time_ns=self._now_ns(execution), reason=reason))
+        self._end(execution, Outcome.FAILED, reason, may_retry=False)
 
-    def _end(self, execution: _Execution, outcome: Outcome, reason: str, *, again: bool = True) -> None:
+    def _end(self, execution: _Execution, outcome: Outcome, reason: str, *, may_retry: bool = True) -> None:
         """End an execution that its executor does not end."""
         if execution.over():
-            self._note(f"executor of {execution.command.agent!r}, after its end: {reason}", {})
+            self._annotate(f"executor of {execution.command.agent!r}, after its end: {reason}", {})
             return
-        self._say(execution, TaskEnded, again=again, outcome=outcome, reason=reason)
+        self._emit_fact(execution, TaskEnded, may_retry=may_retry, outcome=outcome, reason=reason)
 
-    def _say(
+    def _emit_fact(
         self,
         execution: _Execution,
         kind: type[TaskFact],
         *,
-        again: bool = True,
+        may_retry: bool = True,
         **facts: Any,  # noqa: ANN401 - fields of `kind`
     ) -> None:
-        fact = event_on(kind, execution.command, time_ns=self._now(execution), **facts)
+        fact = event_on(kind, execution.command, time_ns=self._now_ns(execution), **facts)
         self._emit(fact)
-        self._advance(execution, fact, apply(execution.state, fact)[0], again=again)
+        self._advance(execution, fact, apply(execution.state, fact)[0], may_retry=may_retry)
 
     def _try_emit(self, executor: Executor | None, event: Event) -> bool:
         """Return whether an event could be written."""
@@ -270,19 +276,19 @@ class TaskManager:
             return False
         return True
 
-    def _drop(self, executor: Executor | None, event: object, why: str) -> None:
+    def _drop(self, executor: Executor | None, event: object, reason: str) -> None:
         """Keep what an executor said and what cannot be an event."""
-        agents = ", ".join(repr(agent) for agent, one in self._executors.items() if one is executor)
+        agents = ", ".join(repr(agent) for agent, owner in self._executors.items() if owner is executor)
         kind = event.kind if isinstance(event, Event) else type(event).__name__
-        self._note(f"executor of {agents} said {kind}, not taken: {why}", {"not_taken": _said(event)})
+        self._annotate(f"executor of {agents} said {kind}, not taken: {reason}", {"not_taken": _event_fields(event)})
 
-    def _note(self, text: str, details: dict[str, Any]) -> None:
-        self._emit(AnnotationAdded(time_ns=self._clock.now_ns, reason=_text(text), details=details))
+    def _annotate(self, text: str, details: dict[str, Any]) -> None:
+        self._emit(AnnotationAdded(time_ns=self._clock.now_ns, reason=_safe_text(text), details=details))
 
-    def _after(self, seconds: float, action: Callable[[], None]) -> None:
+    def _schedule_after(self, seconds: float, action: Callable[[], None]) -> None:
         self._clock.schedule(self._clock.now_ns + round(seconds * NS_PER_S), action, AFTER_ALL)
 
-    def _now(self, execution: _Execution) -> int:
+    def _now_ns(self, execution: _Execution) -> int:
         """Return the instant, never before what has happened to an execution."""
         return max(self._clock.now_ns, execution.last_ns)
 
@@ -291,37 +297,37 @@ def _is_instant(value: object) -> bool:
     return isinstance(value, int)
 
 
-def _completed(execution: _Execution, event: TaskFact) -> TaskFact:
+def _with_command_ids(execution: _Execution, event: TaskFact) -> TaskFact:
     """Return an event with all of its command's ids, and no earlier than what happened before."""
     ids = identity(execution.command) | {"agent": event.agent, "task": event.task}  # a wrong one is told, not mended
     return replace(event, time_ns=max(event.time_ns, execution.last_ns), **ids)
 
 
-def _limited(execution: _Execution, fact: TaskFact) -> TaskFact:
+def _with_timeout_outcome(execution: _Execution, fact: TaskFact) -> TaskFact:
     """Return an end as timed out if a limit was the cause of it; work that was done all the same stays done."""
     if isinstance(fact, TaskEnded) and execution.limit and fact.outcome in _TIMED_OUT_IF:
-        said = f" ({fact.reason})" if fact.reason not in ("", execution.limit) else ""
-        return replace(fact, outcome=Outcome.TIMED_OUT, reason=execution.limit + said)
+        executor_reason = f" ({fact.reason})" if fact.reason not in ("", execution.limit) else ""
+        return replace(fact, outcome=Outcome.TIMED_OUT, reason=execution.limit + executor_reason)
     return fact
 
 
-def _said(event: object) -> dict[str, Any]:
+def _event_fields(event: object) -> dict[str, Any]:
     """Return what an event said, as JSON can hold it, without what it left out."""
     if not isinstance(event, Event):
-        return {"value": _text(repr(event))}
-    said: dict[str, Any] = {"kind": event.kind}
+        return {"value": _safe_text(repr(event))}
+    field_values: dict[str, Any] = {"kind": event.kind}
     for field in fields(event):
         value = getattr(event, field.name)
         with suppress(TypeError, ValueError):  # values that cannot even be compared
             if value not in ("", None, {}, ()):
-                said[field.name] = value if isinstance(value, int) else _text(value)
-    return said
+                field_values[field.name] = value if isinstance(value, int) else _safe_text(value)
+    return field_values
 
 
-def _named(error: Exception) -> str:
-    return _text(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
+def _error_text(error: Exception) -> str:
+    return _safe_text(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
 
 
-def _text(value: object) -> str:
+def _safe_text(value: object) -> str:
     """Return a text that every log can hold."""
     return str(value).encode(errors="backslashreplace").decode()

@@ -38,7 +38,7 @@ class CallableExecutor:
         self._stop = stop
         self._emit: Emit = lambda _: None
         self._running: dict[str, Command] = {}
-        self._canceled: dict[str, str] = {}  # why, by execution id
+        self._cancel_reasons: dict[str, str] = {}  # why, by execution id
 
     @property
     def agents(self) -> tuple[str, ...]:
@@ -56,16 +56,16 @@ class CallableExecutor:
             self._emit(rejection(command, time_ns=self._clock.now_ns, reason=reason))
             return
         self._running[command.execution_id] = command
-        threading.Thread(target=self._call, args=(command,), name=command.task, daemon=True).start()
+        threading.Thread(target=self._run_function, args=(command,), name=command.task, daemon=True).start()
 
     def cancel(self, execution_id: str, reason: str) -> None:
         """Ask the function to come to its end."""
         command = self._running.get(execution_id)
         if command is not None:
-            self._canceled[execution_id] = reason
+            self._cancel_reasons[execution_id] = reason
             self._stop(command)
 
-    def _call(self, command: Command) -> None:
+    def _run_function(self, command: Command) -> None:
         planned = {"planned_start_ns": command.planned_start_ns, "planned_end_ns": command.planned_end_ns}
         self._emit(event_on(TaskStarted, command, time_ns=self._clock.now_ns, **planned))
         outcome, reason = Outcome.SUCCEEDED, ""
@@ -74,6 +74,6 @@ class CallableExecutor:
         except BaseException as error:  # noqa: BLE001 - whatever a function raises is the reason of its failure
             outcome, reason = Outcome.FAILED, f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         self._running.pop(command.execution_id, None)
-        if outcome is Outcome.FAILED and command.execution_id in self._canceled:
-            outcome, reason = Outcome.CANCELED, self._canceled[command.execution_id]
+        if outcome is Outcome.FAILED and command.execution_id in self._cancel_reasons:
+            outcome, reason = Outcome.CANCELED, self._cancel_reasons[command.execution_id]
         self._emit(event_on(TaskEnded, command, time_ns=self._clock.now_ns, outcome=outcome, reason=reason))

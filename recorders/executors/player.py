@@ -51,9 +51,9 @@ class Player:
             return
         offset_ns, event = steps[0]
         priority = _END if isinstance(event, TaskEnded) else _BEGIN
-        self._clock.schedule(origin_ns + offset_ns, partial(self._say, command, steps, origin_ns), priority)
+        self._clock.schedule(origin_ns + offset_ns, partial(self._emit_next, command, steps, origin_ns), priority)
 
-    def _say(self, command: Command, steps: Sequence[tuple[int, TaskFact]], origin_ns: int) -> None:
+    def _emit_next(self, command: Command, steps: Sequence[tuple[int, TaskFact]], origin_ns: int) -> None:
         if command.execution_id not in self._playing:
             return
         if len(steps) == 1:

@@ -33,13 +33,13 @@ class ReplayExecutor:
         n_runs = len({event.run_id for event in recorded})
         if n_runs > 1:
             raise DispatchError(f"replay: found {n_runs} runs, expected one; give the log of a single run")
-        self._recorded = _executions(recorded)
-        known = tuple(dict.fromkeys(agent for agent, _ in self._recorded))
-        self._agents = known if agents is None else tuple(agents)
+        self._recorded = _executions_by_task(recorded)
+        recorded_agents = tuple(dict.fromkeys(agent for agent, _ in self._recorded))
+        self._agents = recorded_agents if agents is None else tuple(agents)
         for agent in self._agents:
-            if agent not in known:
-                found = f"the log has no execution of {agent!r}, only of {', '.join(known) or 'nobody'}"
-                raise DispatchError(f"replay: {found}; choose another log")
+            if agent not in recorded_agents:
+                problem = f"the log has no execution of {agent!r}, only of {', '.join(recorded_agents) or 'nobody'}"
+                raise DispatchError(f"replay: {problem}; choose another log")
         self._last_ns = max((event.time_ns for event in recorded), default=0)
         self._clock = clock
         self._player = Player(clock)
@@ -79,24 +79,26 @@ def read_recorded(path: Path) -> list[Event]:
     return [from_row(row) for row in read_events(path).iter_rows(named=True)]
 
 
-def _executions(events: Iterable[Event]) -> dict[tuple[str, str], list[list[TaskFact]]]:
+def _executions_by_task(events: Iterable[Event]) -> dict[tuple[str, str], list[list[TaskFact]]]:
     """Return the facts of every execution that was given to its agent, by (agent, task), in order of time."""
-    executions: dict[str, list[TaskFact]] = {}
+    facts_by_execution: dict[str, list[TaskFact]] = {}
     for event in sorted(events, key=lambda event: (event.time_ns, event.seq)):
         if isinstance(event, TaskFact):
-            executions.setdefault(event.execution_id, []).append(event)
-    found: dict[tuple[str, str], list[list[TaskFact]]] = {}
-    for facts in executions.values():
+            facts_by_execution.setdefault(event.execution_id, []).append(event)
+    executions_by_task: dict[tuple[str, str], list[list[TaskFact]]] = {}
+    for facts in facts_by_execution.values():
         if isinstance(facts[0], TaskDispatched | TaskStarted):
-            found.setdefault((facts[0].agent, facts[0].task), []).append(facts)
-    return found
+            executions_by_task.setdefault((facts[0].agent, facts[0].task), []).append(facts)
+    return executions_by_task
 
 
 def _course(command: Command, facts: list[TaskFact], last_ns: int) -> Course:
     """Return an execution's events as those of another command."""
     origin_ns = facts[0].time_ns
     steps = [
-        (fact.time_ns - origin_ns, _again(command, fact)) for fact in facts if not isinstance(fact, TaskDispatched)
+        (fact.time_ns - origin_ns, _fact_of_command(command, fact))
+        for fact in facts
+        if not isinstance(fact, TaskDispatched)
     ]
     if not isinstance(facts[-1], TaskEnded):
         reason = "the log does not say how it ended"
@@ -105,8 +107,8 @@ def _course(command: Command, facts: list[TaskFact], last_ns: int) -> Course:
     return Course(tuple(steps))
 
 
-def _again(command: Command, fact: TaskFact) -> TaskFact:
-    same = replace(
+def _fact_of_command(command: Command, fact: TaskFact) -> TaskFact:
+    copied = replace(
         fact,
         run_id=command.run_id,
         seq=0,
@@ -114,6 +116,6 @@ def _again(command: Command, fact: TaskFact) -> TaskFact:
         execution_id=command.execution_id,
         parent_execution_id="",
     )
-    if not isinstance(same, TaskStarted):
-        return same
-    return replace(same, planned_start_ns=command.planned_start_ns, planned_end_ns=command.planned_end_ns)
+    if not isinstance(copied, TaskStarted):
+        return copied
+    return replace(copied, planned_start_ns=command.planned_start_ns, planned_end_ns=command.planned_end_ns)

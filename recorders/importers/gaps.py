@@ -40,6 +40,6 @@ def gap_report(recipes: Iterable[str]) -> list[Gap]:
     totals: dict[str, tuple[int, int]] = {}
     for (planner, _), numbers in counters.items():
         attempts = max(numbers) - min(numbers) + 1
-        known, missing = totals.get(planner, (0, 0))
-        totals[planner] = (known + attempts, missing + attempts - len(numbers))
+        n_attempts, n_missing = totals.get(planner, (0, 0))
+        totals[planner] = (n_attempts + attempts, n_missing + attempts - len(numbers))
     return [Gap(planner, *totals[planner]) for planner in sorted(totals)]

@@ -44,7 +44,7 @@ class Mongo(Importer):
             ImportDataError: no source is such a dump.
         """
         diagnostics: list[Diagnostic] = []
-        recipes = _by_recipe(_read_all(list(sources), diagnostics), diagnostics)
+        recipes = _group_by_recipe(_read_all(list(sources), diagnostics), diagnostics)
         n_executions = sum(map(len, recipes.values()))
         return Foreign(sorted(recipes), lambda recipe: run_events(recipe, recipes[recipe]), n_executions, diagnostics)
 
@@ -54,8 +54,8 @@ class Mongo(Importer):
             return Remark(values={"gaps": None})
         gaps = gap_report(imported.runs)
         missing, attempts = sum(gap.n_missing for gap in gaps), sum(gap.n_attempts for gap in gaps)
-        which = f"{missing:,} of {counted(attempts, 'attempt')} {agree(missing, 'is', 'are')} missing"
-        text = f"{which} from the numbering (deleted upstream, probably failed):"
+        count_text = f"{missing:,} of {counted(attempts, 'attempt')} {agree(missing, 'is', 'are')} missing"
+        text = f"{count_text} from the numbering (deleted upstream, probably failed):"
         rows = tuple((gap.prefix, str(gap.n_missing), str(gap.n_attempts)) for gap in gaps)
         values = [{"prefix": gap.prefix, "n_attempts": gap.n_attempts, "n_missing": gap.n_missing} for gap in gaps]
         return Remark(text, ("planner", "missing", "attempts"), rows, {"gaps": values})
@@ -83,25 +83,25 @@ def run_events(recipe: str, rows: Iterable[Mapping[str, Any]]) -> list[Event]:
     """Return the events of one recipe, in order of time."""
     ordered = sorted(rows, key=lambda row: (exact_ns(row["t_start"]), row["agent"], document_id(row)))
     run_id = derived_id(SOURCE, recipe)
-    zero = exact_ns(ordered[0]["t_start"])
-    end = max(exact_ns(row["t_end"]) for row in ordered)
+    run_start_ns = exact_ns(ordered[0]["t_start"])
+    run_end_ns = max(exact_ns(row["t_end"]) for row in ordered)
     agents = tuple(sorted({row["agent"] for row in ordered}))
     task_events: list[tuple[tuple[int, int, int], Event]] = []
     for number, row in enumerate(ordered):
-        started, ended = _execution_events(row, run_id, zero)
+        started, ended = _execution_events(row, run_id, run_start_ns)
         # at one instant ends come before starts, but an execution of no length still starts before it ends
         no_length = started.time_ns == ended.time_ns
         task_events.append(((started.time_ns, 1, number), started))
         task_events.append(((ended.time_ns, 1 if no_length else 0, number), ended))
     task_events.sort(key=lambda item: item[0])
     return [
-        RunStarted(time_ns=zero, run_id=run_id, name=recipe, agents=agents, details={"source": SOURCE}),
+        RunStarted(time_ns=run_start_ns, run_id=run_id, name=recipe, agents=agents, details={"source": SOURCE}),
         *(event for _, event in task_events),
-        RunEnded(time_ns=end, run_id=run_id),
+        RunEnded(time_ns=run_end_ns, run_id=run_id),
     ]
 
 
-def _execution_events(row: Mapping[str, Any], run_id: str, zero: int) -> tuple[TaskStarted, TaskEnded]:
+def _execution_events(row: Mapping[str, Any], run_id: str, run_start_ns: int) -> tuple[TaskStarted, TaskEnded]:
     identity = {
         "run_id": run_id,
         "agent": row["agent"],
@@ -111,8 +111,8 @@ def _execution_events(row: Mapping[str, Any], run_id: str, zero: int) -> tuple[T
     }
     started = TaskStarted(
         time_ns=exact_ns(row["t_start"]),
-        planned_start_ns=_planned(row, "t_start_planned", zero),
-        planned_end_ns=_planned(row, "t_end_planned", zero),
+        planned_start_ns=_planned_ns(row, "t_start_planned", run_start_ns),
+        planned_end_ns=_planned_ns(row, "t_end_planned", run_start_ns),
         **identity,
     )
     succeeded = row.get("outcome", 1) == 1
@@ -123,7 +123,7 @@ def _execution_events(row: Mapping[str, Any], run_id: str, zero: int) -> tuple[T
         planned_duration_s=finite_number(row, "duration_planned"),
         planning_time_s=finite_number(row, "planning_time"),
         path_length=finite_number(row, "path_length"),
-        details={name: row[name] for name in _KEPT_IN_DETAILS if _is_plain(row.get(name))},
+        details={name: row[name] for name in _KEPT_IN_DETAILS if _is_json_value(row.get(name))},
         **identity,
     )
     return started, ended
@@ -135,24 +135,24 @@ def _read_all(sources: list[Path], diagnostics: list[Diagnostic]) -> list[tuple[
     failures: list[ImportDataError] = []
     for source in sources:
         try:
-            rows, found = read_task_results(source)
+            rows, row_diagnostics = read_task_results(source)
         except ImportDataError as error:
             failures.append(error)
             continue
         executions += [(source, row) for row in rows]
-        diagnostics += found
+        diagnostics += row_diagnostics
     if failures and len(failures) == len(sources):
         raise failures[0]
     diagnostics += [Diagnostic("unreadable_file", error.reason, str(error.path)) for error in failures]
     return executions
 
 
-def _planned(row: Mapping[str, Any], name: str, zero: int) -> int | None:
+def _planned_ns(row: Mapping[str, Any], name: str, run_start_ns: int) -> int | None:
     seconds = finite_number(row, name)
-    return None if seconds is None else zero + exact_ns(seconds)
+    return None if seconds is None else run_start_ns + exact_ns(seconds)
 
 
-def _is_plain(value: Any) -> bool:  # noqa: ANN401 - any JSON value
+def _is_json_value(value: Any) -> bool:  # noqa: ANN401 - any JSON value
     if value is None:
         return False
     try:
@@ -162,14 +162,14 @@ def _is_plain(value: Any) -> bool:  # noqa: ANN401 - any JSON value
     return True
 
 
-def _by_recipe(
+def _group_by_recipe(
     executions: Iterable[tuple[Path, Mapping[str, Any]]], diagnostics: list[Diagnostic]
 ) -> dict[str, list[Mapping[str, Any]]]:
     """Group documents by recipe; the same document given twice counts once."""
     runs: dict[str, dict[str, Mapping[str, Any]]] = {}
     for source, row in executions:
-        kept = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), row)
-        if repr(kept) != repr(row):  # NaN differs from itself, its text does not
+        first_row = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), row)
+        if repr(first_row) != repr(row):  # NaN differs from itself, its text does not
             text = (
                 f"a second, different document has the id {document_id(row)} in {row['recipe']!r}; the first was kept"
             )

@@ -22,7 +22,7 @@ _NUMBERS: Final = (*_PLANNED, "duration_planned", "planning_time", "path_length"
 _SECONDS: Final = (*_INSTANTS, *_PLANNED)
 _END_OF_TIME_S: Final = 2.0**62 / 1e9  # planned instants add to the start of the run
 _NUMBER_TYPES: Final = {"$numberDouble": float, "$numberInt": int, "$numberLong": int}
-_SHOWN: Final = 80  # characters of a strange value
+_LONGEST_REPR: Final = 80  # characters of a strange value
 
 
 def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnostic]]:
@@ -35,7 +35,7 @@ def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnost
     rows: list[dict[str, Any]] = []
     diagnostics: list[Diagnostic] = []
     for number, document in enumerate(documents):
-        problem = _problem(document)
+        problem = _document_problem(document)
         if problem:
             diagnostics.append(Diagnostic("skipped_row", f"document {number}: {problem}", str(source)))
             continue
@@ -45,9 +45,9 @@ def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnost
             for text in _unusable_numbers(document)
         ]
     if documents and not rows:
-        found = f"no task result ({diagnostics[0].message})"
+        content = f"no task result ({diagnostics[0].message})"
         remedy = "give the task_results collection, not task_durations, task_synergies or task_properties"
-        raise ImportDataError(source, found, "documents with t_start and t_end", remedy)
+        raise ImportDataError(source, content, "documents with t_start and t_end", remedy)
     return rows, diagnostics
 
 
@@ -73,8 +73,8 @@ def _documents(source: Path) -> list[Any]:
     try:
         text = source.read_text(encoding="utf-8-sig")
     except OSError as error:
-        found = f"a file that cannot be opened ({error.strerror})"
-        raise ImportDataError(source, found, "a dump of task_results") from error
+        content = f"a file that cannot be opened ({error.strerror})"
+        raise ImportDataError(source, content, "a dump of task_results") from error
     except UnicodeDecodeError as error:
         raise ImportDataError(source, f"no JSON ({error})", "a JSON array of task results") from error
     try:
@@ -92,15 +92,15 @@ def _documents(source: Path) -> list[Any]:
 def _parse(text: str) -> Any:  # noqa: ANN401 - any JSON value
     """Return the value of a JSON text, or the list of its lines' values."""
     try:
-        return json.loads(text, object_hook=_extended)
+        return json.loads(text, object_hook=_plain_value)
     except ValueError:
         lines = [line for line in text.splitlines() if line.strip()]
         if len(lines) < 2 or not lines[0].lstrip().startswith("{"):
             raise
-        return [json.loads(line, object_hook=_extended) for line in lines]
+        return [json.loads(line, object_hook=_plain_value) for line in lines]
 
 
-def _extended(value: dict[str, Any]) -> Any:  # noqa: ANN401 - a number, or the object as it is
+def _plain_value(value: dict[str, Any]) -> Any:  # noqa: ANN401 - a number, or the object as it is
     """Return the number that an extended-JSON object stands for."""
     if len(value) == 1:
         [(name, text)] = value.items()
@@ -109,29 +109,29 @@ def _extended(value: dict[str, Any]) -> Any:  # noqa: ANN401 - a number, or the 
     return value
 
 
-def _problem(document: Any) -> str | None:  # noqa: ANN401 - any JSON value
+def _document_problem(document: Any) -> str | None:  # noqa: ANN401 - any JSON value
     if not isinstance(document, dict):
         return f"found a {type(document).__name__}, expected an object"
     for name in _TEXTS:
         if not isinstance(document.get(name), str) or not document[name]:
-            return f"{name} is {_shown(document.get(name))}, expected a name"
+            return f"{name} is {_short_repr(document.get(name))}, expected a name"
     for name in _INSTANTS:
         if finite_number(document, name) is None:
-            return f"{name} is {_shown(document.get(name))}, expected epoch seconds"
+            return f"{name} is {_short_repr(document.get(name))}, expected epoch seconds"
     if not 0 <= document["t_start"] <= document["t_end"] < _END_OF_TIME_S:
         return f"t_start {document['t_start']!r} and t_end {document['t_end']!r} are no interval of time"
-    return None if _is_text(document) else "it holds half of a surrogate pair, expected Unicode"
+    return None if _is_unicode(document) else "it holds half of a surrogate pair, expected Unicode"
 
 
 def _unusable_numbers(document: Mapping[str, Any]) -> list[str]:
     return [
-        f"{name} is {_shown(document[name])}, expected a number"
+        f"{name} is {_short_repr(document[name])}, expected a number"
         for name in _NUMBERS
         if document.get(name) is not None and finite_number(document, name) is None
     ]
 
 
-def _is_text(value: Any) -> bool:  # noqa: ANN401 - any JSON value
+def _is_unicode(value: Any) -> bool:  # noqa: ANN401 - any JSON value
     try:
         json.dumps(value, ensure_ascii=False).encode()
     except UnicodeEncodeError:
@@ -139,5 +139,5 @@ def _is_text(value: Any) -> bool:  # noqa: ANN401 - any JSON value
     return True
 
 
-def _shown(value: Any) -> str:  # noqa: ANN401 - any JSON value
-    return repr(value)[:_SHOWN]
+def _short_repr(value: Any) -> str:  # noqa: ANN401 - any JSON value
+    return repr(value)[:_LONGEST_REPR]

@@ -44,21 +44,21 @@ def import_files(
             run; then nothing is written.
         OutputError: the folder cannot be made.
     """
-    given = {option.name: option.default for option in importer.options} | options
-    foreign = _read(importer, sources, given)
+    all_options = {option.name: option.default for option in importer.options} | options
+    foreign = _read_sources(importer, sources, all_options)
     paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
-    known = {path for path in paths.values() if path.exists()}
+    existing_paths = {path for path in paths.values() if path.exists()}
     for run, path in paths.items():
-        if path in known:
+        if path in existing_paths:
             _check_unchanged(path, foreign.events(run))
     _make_folder(folder)
     written: list[Path] = []
     for run, path in paths.items():
-        if path not in known:
+        if path not in existing_paths:
             write_log(path, foreign.events(run))
             written.append(path)
         on_run(path)
-    unchanged = [path for path in paths.values() if path in known]
+    unchanged = [path for path in paths.values() if path in existing_paths]
     return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths))
 
 
@@ -76,34 +76,38 @@ def exact_ns(seconds: float | Decimal) -> int:
     return int((Decimal(seconds) * NS_PER_S).to_integral_value(ROUND_HALF_EVEN))
 
 
-def _read(importer: Importer, sources: Sequence[Path], options: dict[str, Any]) -> Foreign:
+def _read_sources(importer: Importer, sources: Sequence[Path], options: dict[str, Any]) -> Foreign:
     try:
         foreign: object = importer.read(sources, **options)
     except HrclogError:
         raise
     except Exception as error:
-        raised = f"importer {importer.name!r} raised {type(error).__name__}: {error}"
-        raise ImportDataError(sources[0], raised, "runs", "look at it with --debug") from error
+        problem = f"importer {importer.name!r} raised {type(error).__name__}: {error}"
+        raise ImportDataError(sources[0], problem, "runs", "look at it with --debug") from error
     if not isinstance(foreign, Foreign):
-        returned = f"importer {importer.name!r} returned {type(foreign).__name__}"
-        raise ImportDataError(sources[0], returned, "a Foreign")
+        problem = f"importer {importer.name!r} returned {type(foreign).__name__}"
+        raise ImportDataError(sources[0], problem, "a Foreign")
     return foreign
 
 
 def _check_unchanged(path: Path, events: Sequence[Event]) -> None:
     existing = read_log(path).events.sort("seq").select(COLUMNS)
     if set(existing["run_id"]) != {events[0].run_id}:
-        found, expected = "a log of another run", "no file, or the log of the same run"
-        raise ImportDataError(path, found, expected, "use an empty folder")
+        content, expected = "a log of another run", "no file, or the log of the same run"
+        raise ImportDataError(path, content, expected, "use an empty folder")
     remedy = "the source has changed since: import into an empty folder"
     if existing.height != len(events):
-        there, wanted = counted(existing.height, "event"), counted(len(events), "event")
-        raise ImportDataError(path, f"a log of {there}", f"{wanted} of this run", remedy)
+        existing_count, expected_count = counted(existing.height, "event"), counted(len(events), "event")
+        raise ImportDataError(path, f"a log of {existing_count}", f"{expected_count} of this run", remedy)
     imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
-    for seq, (old, new) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
-        if old != new:
-            name, was, now = next(fact for fact in zip(COLUMNS, old, new, strict=True) if fact[1] != fact[2])
-            raise ImportDataError(path, f"{name} {was!r} in event {seq}", f"{now!r} as in the source", remedy)
+    for seq, (existing_row, imported_row) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
+        if existing_row != imported_row:
+            name, existing_value, imported_value = next(
+                column for column in zip(COLUMNS, existing_row, imported_row, strict=True) if column[1] != column[2]
+            )
+            raise ImportDataError(
+                path, f"{name} {existing_value!r} in event {seq}", f"{imported_value!r} as in the source", remedy
+            )
 
 
 def _make_folder(folder: Path) -> None:

@@ -27,7 +27,7 @@ class CellSignals:
     def __init__(self, cell: Cell) -> None:
         self.samples: list[Signal] = []
         self._cell = cell
-        self._last: dict[str, object] = {}
+        self._last_values: dict[str, object] = {}
 
     def scene(self, time_ns: int) -> None:
         """Sample what stands in the cell and what the agents look like."""
@@ -45,20 +45,20 @@ class CellSignals:
             (self._cell.human.agent, HUMAN_JOINT_NAMES, human),
         ):
             positions = tuple(values.tolist())
-            if self._last.get(agent) != positions:
-                self._last[agent] = positions
+            if self._last_values.get(agent) != positions:
+                self._last_values[agent] = positions
                 self.samples.append(JointSignal("", agent, time_ns, names, positions))
 
     def number(self, time_ns: int, name: str, value: float) -> None:
         """Sample a number."""
-        if self._last.get(name) != value:
-            self._last[name] = value
+        if self._last_values.get(name) != value:
+            self._last_values[name] = value
             self.samples.append(FloatSignal("", name, time_ns, value))
 
     def pose(self, time_ns: int, name: str, position: Point, yaw: float = 0.0) -> None:
         """Sample where an object is."""
         key = f"object {name}"
-        if self._last.get(key) != (position, yaw):
-            self._last[key] = position, yaw
-            turned = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)) if yaw else _UPRIGHT
-            self.samples.append(PoseSignal("", name, time_ns, position, turned))
+        if self._last_values.get(key) != (position, yaw):
+            self._last_values[key] = position, yaw
+            quaternion = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)) if yaw else _UPRIGHT
+            self.samples.append(PoseSignal("", name, time_ns, position, quaternion))

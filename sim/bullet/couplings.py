@@ -34,13 +34,13 @@ class Couplings:
         Args:
             going: by agent, what it is at.
         """
-        for agent, one in going.items():
-            for other_agent, other in going.items():
+        for agent, activity in going.items():
+            for other_agent, other_activity in going.items():
                 if agent != other_agent:
-                    sums = self._sums.setdefault((one.key, other.key), [0.0, 0.0, 0.0])
+                    sums = self._sums.setdefault((activity.key, other_activity.key), [0.0, 0.0, 0.0])
                     sums[0] += 1.0
-                    sums[1] += one.rate
-                    sums[2] += one.caused
+                    sums[1] += activity.rate
+                    sums[2] += activity.caused
 
     def pairs(self) -> tuple[PairTruth, ...]:
         """Return the sums so far, in s, by name."""

@@ -40,7 +40,7 @@ from hrclog.sim.truth import ExecutionTruth, PairTruth
 from hrclog.units import NS_PER_S
 
 _LOOK_EVERY: Final = 2
-_TOLD_CHANGE: Final = 0.1
+_SCALE_CHANGE: Final = 0.1
 """The speed scale is told as an event when it has changed by this much, or its mode has."""
 _DIGITS: Final = 6
 
@@ -84,17 +84,20 @@ class BulletCell:
         self._stop_left = 0
         self._emit: Emit = lambda _: None
         self._start_ns = clock.now_ns
-        self._ticking = self._touching = self._over = False
-        self._looks = 0
+        self._ticking = self._touching = self._stopped = False
+        self._n_looks = 0
         self._sample_every = round(LOOKS_HZ / cell.signals_hz) if cell.signals_hz else 0
         self._limit = Limit(1.0)
-        self._mode, self._told = "", -1.0
+        self._mode, self._emitted_scale = "", -1.0
         self._tip_speed = 0.0
 
     @cached_property
     def executors(self) -> dict[str, Executor]:
         """The robot's and the human's."""
-        return {self._cell.robot.agent: _Heard(self._robot, self._listen), self._cell.human.agent: self._human}
+        return {
+            self._cell.robot.agent: _WithCellEvents(self._robot, self._set_emit),
+            self._cell.human.agent: self._human,
+        }
 
     @property
     def pairs(self) -> tuple[PairTruth, ...]:
@@ -110,15 +113,15 @@ class BulletCell:
         """Begin: look round, and say the first safety state."""
         if self._sample_every:
             self._samples.scene(self._clock.now_ns)
-        self._look()
-        self._tell(self._override.scale)
+        self._check_safety()
+        self._emit_safety_state(self._override.scale)
 
     def stop(self) -> None:
         """End: nothing moves any more."""
-        self._over = True
+        self._stopped = True
         self._world.close()
 
-    def _listen(self, emit: Emit) -> None:
+    def _set_emit(self, emit: Emit) -> None:
         self._emit = emit
 
     def _wake(self) -> None:
@@ -129,53 +132,54 @@ class BulletCell:
             self._clock.schedule(self._start_ns + ticks * TICK_NS, self._tick, TICK)
 
     def _tick(self) -> None:
-        if self._over:
+        if self._stopped:
             return
         now_ns = self._clock.now_ns
         if now_ns - self._start_ns > self._cell.longest_s * NS_PER_S:
             self._world.close()
+            activities = self._describe_activities()
             raise ScenarioError(
-                f"cell: the run is not over after {self._cell.longest_s:g} s ({self._standing()}); somebody waits for"
+                f"cell: the run is not over after {self._cell.longest_s:g} s ({activities}); somebody waits for"
                 " ever, or longest_s is too small"
             )
         if (now_ns - self._start_ns) // TICK_NS % _LOOK_EVERY == 0:
-            self._look()
-        limit = self._protective(self._limit)
+            self._check_safety()
+        limit = self._limit_or_stop(self._limit)
         scale = self._override.advance(limit.scale, self._tip_speed, TICK_S)
-        self._tell(scale)
+        self._emit_safety_state(scale)
         rate = self._human.rate()
-        self._count(scale, self._limit.scale, rate)
+        self._count_couplings(scale, self._limit.scale, rate)
         self._robot.step(scale)
         self._human.step(rate)
         self._human.idle()
-        self._go_on(now_ns + TICK_NS)
+        self._schedule_tick(now_ns + TICK_NS)
 
-    def _standing(self) -> str:
+    def _describe_activities(self) -> str:
         """Return what everybody is at, for the message of a run that does not end."""
-        at = [
+        activities = [
             f"{executor.agents[0]} is at {executor.running.command.task!r}"
             if executor.running
             else f"{executor.agents[0]} has nothing to do"
             for executor in (self._robot, self._human)
         ]
-        return ", ".join([*at, f"speed scale {self._override.scale:.2g} {self._limit.zone}".rstrip()])
+        return ", ".join([*activities, f"speed scale {self._override.scale:.2g} {self._limit.zone}".rstrip()])
 
-    def _go_on(self, next_ns: int) -> None:
+    def _schedule_tick(self, next_ns: int) -> None:
         """Let another tick follow while anybody has something to do."""
-        self._ticking = not self._over and (self._robot.busy or self._human.busy or not self._human.at_home)
+        self._ticking = not self._stopped and (self._robot.busy or self._human.busy or not self._human.at_home)
         if self._ticking:
             self._clock.schedule(next_ns, self._tick, TICK)
 
-    def _look(self) -> None:
+    def _check_safety(self) -> None:
         now_ns = self._clock.now_ns
         view = _View(self._world, self._arm, self._robot.joints(), self._human.joints(), self._robot.velocity())
         self._limit = self._policy(view)
         brakes = self._limit.scale != self._override.scale or self._cell.protective_stop.rate_per_hour > 0.0
         self._tip_speed = view.fastest() if brakes else 0.0
-        self._touch(view)
-        if self._sample_every and self._looks % self._sample_every == 0:
+        self._count_contact(view)
+        if self._sample_every and self._n_looks % self._sample_every == 0:
             self._sample(now_ns, view)
-        self._looks += 1
+        self._n_looks += 1
 
     def _sample(self, now_ns: int, view: _View) -> None:
         robot = self._cell.robot.agent
@@ -185,12 +189,12 @@ class BulletCell:
         for item in self._stock.items.values():
             if item.held:
                 by_robot = item.agent == robot
-                at = self._arm.forward(view.robot)[:3, 3] if by_robot else human.hand_position(view.human)
-                item.position, item.yaw = _point(at), 0.0 if by_robot else float(view.human[2])
+                hand = self._arm.forward(view.robot)[:3, 3] if by_robot else human.hand_position(view.human)
+                item.position, item.yaw = _point(hand), 0.0 if by_robot else float(view.human[2])
             if item.held or item.slot is not None:
                 self._samples.pose(now_ns, item.box.name, item.position, item.yaw)
 
-    def _touch(self, view: _View) -> None:
+    def _count_contact(self, view: _View) -> None:
         """Count each time that the moving robot comes to touch the human."""
         touching = view.distance_m <= 0.0
         moving = view.velocity is not None and self._override.scale > 0.0
@@ -205,7 +209,7 @@ class BulletCell:
             )
         self._touching = touching and (moving or self._touching)
 
-    def _protective(self, limit: Limit) -> Limit:
+    def _limit_or_stop(self, limit: Limit) -> Limit:
         """Return the limit, or that of a protective stop."""
         if self._stop_left:
             self._stop_left -= 1
@@ -216,11 +220,11 @@ class BulletCell:
             return Limit(0.0, _PROTECTIVE)
         return limit
 
-    def _tell(self, scale: float) -> None:
+    def _emit_safety_state(self, scale: float) -> None:
         mode = _mode(scale, stopped_by_fault=self._stop_left > 0)
-        if mode == self._mode and abs(scale - self._told) < _TOLD_CHANGE:
+        if mode == self._mode and abs(scale - self._emitted_scale) < _SCALE_CHANGE:
             return
-        self._mode, self._told = mode, scale
+        self._mode, self._emitted_scale = mode, scale
         self._emit(
             SafetyStateChanged(
                 time_ns=self._clock.now_ns,
@@ -231,14 +235,14 @@ class BulletCell:
             )
         )
 
-    def _count(self, scale: float, caused: float, rate: float) -> None:
+    def _count_couplings(self, scale: float, caused: float, rate: float) -> None:
         going = {}
-        for executor, own, asked in ((self._robot, scale, caused), (self._human, rate, rate)):
+        for executor, own_rate, caused_rate in ((self._robot, scale, caused), (self._human, rate, rate)):
             execution = executor.running
             if execution is not None:
                 key = execution.command.agent, execution.command.task
                 free = not executor.moving
-                going[key[0]] = Going(key, 1.0 if free else own, 1.0 if free else asked)
+                going[key[0]] = Going(key, 1.0 if free else own_rate, 1.0 if free else caused_rate)
         self._couplings.count(going)
 
     def _robot_tip(self) -> FloatArray:
@@ -248,19 +252,19 @@ class BulletCell:
 _PROTECTIVE: Final = "protective_stop"
 
 
-class _Heard:
+class _WithCellEvents:
     """An executor that lets its cell speak too: safety states belong to no command."""
 
     def __init__(self, executor: Executor, listen: Callable[[Emit], None]) -> None:
         self._executor = executor
-        self._listen = listen
+        self._set_emit = listen
         self.agents = executor.agents
         self.start = executor.start
         self.cancel = executor.cancel
 
     def connect(self, emit: Emit) -> None:
         """Send all events to `emit` from now on."""
-        self._listen(emit)
+        self._set_emit(emit)
         self._executor.connect(emit)
 
 
@@ -299,15 +303,15 @@ class _View:
 
     def closing(self) -> tuple[FloatArray, FloatArray]:
         """Return per pair of body parts the distance (m) and the robot's speed towards the human (m/s) at scale 1."""
-        near = self._separation
+        separation = self._separation
         if self.velocity is None:
-            return near.distances, np.zeros(len(near.distances))
-        moves = self._arm.point_velocity(self._frames, self.velocity, near.robot_links, near.on_robot)
-        towards = near.on_human - near.on_robot
+            return separation.distances, np.zeros(len(separation.distances))
+        moves = self._arm.point_velocity(self._frames, self.velocity, separation.robot_links, separation.on_robot)
+        towards = separation.on_human - separation.on_robot
         lengths = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
         # inside each other the line between the nearest points is turned round
-        sign = np.where(near.distances < 0.0, -1.0, 1.0)
-        return near.distances, sign * (moves * towards).sum(axis=1) / lengths
+        sign = np.where(separation.distances < 0.0, -1.0, 1.0)
+        return separation.distances, sign * (moves * towards).sum(axis=1) / lengths
 
     def fastest(self) -> float:
         """Return the speed of the robot's fastest joint or tip at scale 1, m/s."""

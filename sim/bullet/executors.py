@@ -33,7 +33,9 @@ class RobotExecutor(SteppedExecutor):
         super().__init__(shared.cell.robot.agent, shared, stream)
         self._planner = planner
         self._joints: FloatArray = np.array(shared.cell.robot.home.joints)
-        self._turned: dict[tuple[str, str, str], float | None] = {}  # gripper's yaw by item and skill: a retry turns it
+        self._last_yaws: dict[
+            tuple[str, str, str], float | None
+        ] = {}  # gripper's yaw by item and skill: a retry turns it
 
     def joints(self) -> FloatArray:
         """Return where the joints (7,) are."""
@@ -59,20 +61,20 @@ class RobotExecutor(SteppedExecutor):
             if motion is None:
                 raise CannotError(f"no way to the pose {skill.pose!r} is free of collisions")
             return Step(skill, motion, path_length=self._planner.length_m(motion))
-        held = self._stock.held_by(self._agent)
-        if skill.kind == PICK and held is not None:
-            return self._kept(skill, held.box.name, held.group)
-        if skill.kind != PICK and held is None:
+        held_item = self._stock.held_by(self._agent)
+        if skill.kind == PICK and held_item is not None:
+            return self._keep_held(skill, held_item.box.name, held_item.group)
+        if skill.kind != PICK and held_item is None:
             raise CannotError("there is nothing in the gripper to place")
         targets = self._targets(skill, self.chosen(execution, skill))
         grip_s = self._cell.robot.grasp_s if skill.kind == PICK else self._cell.robot.release_s
         if not targets:
             raise CannotError(f"nothing is left in {(skill.objects if skill.kind == PICK else skill.slots)!r}")
         key = execution.command.item_id, skill.task, skill.kind
-        motion = self._planner.handle(self._joints, targets, grip_s, self._turned.get(key))
+        motion = self._planner.handle(self._joints, targets, grip_s, self._last_yaws.get(key))
         if motion is None:
             raise CannotError(f"no way to {', '.join(target.name for target in targets[:3])} is free of collisions")
-        self._turned[key] = motion.yaw
+        self._last_yaws[key] = motion.yaw
         planning = self._cell.robot.planning(skill.kind)
         planning_s = self._stream.lognormal(planning.mu, planning.sigma)
         return Step(skill, motion, motion.target, motion.position, planning_s, self._planner.length_m(motion))
@@ -82,7 +84,7 @@ class RobotExecutor(SteppedExecutor):
         if isinstance(step.motion, RobotMotion):
             self._joints = step.motion.path.at(done_s)
 
-    def _kept(self, skill: Skill, name: str, group: str) -> Step:
+    def _keep_held(self, skill: Skill, name: str, group: str) -> Step:
         if group != skill.objects:
             raise CannotError(f"the gripper is full ({name})")
         motion = self._planner.go_to(self._joints, self._joints)
@@ -91,10 +93,12 @@ class RobotExecutor(SteppedExecutor):
 
     def _targets(self, skill: Skill, chosen: str) -> list[Target]:
         if skill.kind == PICK:
-            found = [Target(one.box.name, one.position) for one in self._stock.available(skill.objects, self._agent)]
+            candidates = [
+                Target(item.box.name, item.position) for item in self._stock.available(skill.objects, self._agent)
+            ]
         else:
-            found = [Target(s.name, s.position) for s in self._stock.free_slots(skill.slots, self._agent)]
-        return [target for target in found if target.name == chosen] or found
+            candidates = [Target(slot.name, slot.position) for slot in self._stock.free_slots(skill.slots, self._agent)]
+        return [target for target in candidates if target.name == chosen] or candidates
 
 
 class HumanExecutor(SteppedExecutor):
@@ -155,7 +159,7 @@ class HumanExecutor(SteppedExecutor):
             return
         self._idle_ticks += 1
         if self._way_home is None and self._idle_ticks * TICK_S >= _IDLE_S and not self._waiting:
-            self._way_home = HumanMotion([walk(self._model, self._joints, self._home(), self._person)]), 0.0
+            self._way_home = HumanMotion([walk(self._model, self._joints, self._home_pose(), self._person)]), 0.0
         if self._way_home is not None:
             motion, done_s = self._way_home
             self._way_home = motion, done_s + TICK_S
@@ -172,19 +176,21 @@ class HumanExecutor(SteppedExecutor):
         chance = self._stream.uniform()
         self._patience_left = round(self._model.patience_s / TICK_S)
         if skill.kind == GO_TO:
-            return Step(skill, HumanMotion([walk(self._model, self._joints, self._home(), pace)]))
+            return Step(skill, HumanMotion([walk(self._model, self._joints, self._home_pose(), pace)]))
         picks = skill.kind == PICK
         if picks == (self._stock.held_by(self._agent) is not None):
             raise CannotError("the hand is full" if picks else "there is nothing in the hand to place")
         group = skill.objects if picks else skill.slots
         if picks:
-            found = [(item.box.name, item.position) for item in self._stock.available(group, self._agent)]
+            candidates = [(item.box.name, item.position) for item in self._stock.available(group, self._agent)]
         else:
-            found = [(slot.name, slot.position) for slot in self._stock.free_slots(group, self._agent)]
-        if not found:
+            candidates = [(slot.name, slot.position) for slot in self._stock.free_slots(group, self._agent)]
+        if not candidates:
             raise CannotError(f"nothing is left in {group!r}")
         chosen = self.chosen(execution, skill)
-        name, position = next((one for one in found if one[0] == chosen), self._liked(found, chance))
+        name, position = next(
+            (candidate for candidate in candidates if candidate[0] == chosen), self._choose_near(candidates, chance)
+        )
         grip_s = self._model.grasp_s if picks else self._model.release_s
         motion = handle(
             self._model,
@@ -202,13 +208,15 @@ class HumanExecutor(SteppedExecutor):
         if isinstance(step.motion, HumanMotion):
             self._joints = step.motion.at(done_s)
 
-    def _liked(self, found: list[tuple[str, Point]], chance: float) -> tuple[str, Point]:
+    def _choose_near(self, candidates: list[tuple[str, Point]], chance: float) -> tuple[str, Point]:
         """Return one of the nearest things: people look for what is at hand, not for what is nearest to the inch."""
         x, y = self._joints[:2].tolist()
-        nearest = sorted(found, key=lambda one: (math.hypot(one[1][0] - x, one[1][1] - y), one[0]))
+        nearest = sorted(
+            candidates, key=lambda candidate: (math.hypot(candidate[1][0] - x, candidate[1][1] - y), candidate[0])
+        )
         return nearest[int(chance * min(len(nearest), self._model.choice))]
 
-    def _home(self) -> tuple[float, float, float]:
+    def _home_pose(self) -> tuple[float, float, float]:
         x, y, yaw = self._model.home
-        now = float(self._joints[2])
-        return x, y, now + math.remainder(yaw - now, 2 * math.pi)
+        yaw_now = float(self._joints[2])
+        return x, y, yaw_now + math.remainder(yaw - yaw_now, 2 * math.pi)

@@ -117,17 +117,17 @@ def handle(
     Raises:
         ScenarioError: the target is out of reach.
     """
-    going = walk(model, start, stand_pose(target, offset, float(start[2])), pace)
-    held = reach_pose(going.end, target)
-    hand_s = pace * _hand_way_m(going.end, held) / model.hand_speed
+    walking = walk(model, start, stand_pose(target, offset, float(start[2])), pace)
+    reached = reach_pose(walking.end, target)
+    hand_s = pace * _hand_distance_m(walking.end, reached) / model.hand_speed
     moves = [
-        going,
-        Move(going.end, going.end, pause_s),
-        Move(going.end, held, hand_s),
-        Move(held, held, pace * grip_s),
-        Move(held, going.end, hand_s),
+        walking,
+        Move(walking.end, walking.end, pause_s),
+        Move(walking.end, reached, hand_s),
+        Move(reached, reached, pace * grip_s),
+        Move(reached, walking.end, hand_s),
     ]
-    reach_at_s = going.duration_s + pause_s
+    reach_at_s = walking.duration_s + pause_s
     return HumanMotion(
         [move for move in moves if move.duration_s > 0.0], reach_at_s, reach_at_s + hand_s + pace * grip_s
     )
@@ -140,12 +140,12 @@ def reach_pose(standing_joints: FloatArray, target: Point) -> FloatArray:
         ScenarioError: it is out of reach.
     """
     x, y, yaw = standing_joints[:3].tolist()
-    held = reach((x, y, yaw), np.asarray(target), _RIGHT_SIDE)
-    if held is None:
+    reached = reach((x, y, yaw), np.asarray(target), _RIGHT_SIDE)
+    if reached is None:
         at = ", ".join(f"{value:.2f}" for value in target)
         raise ScenarioError(f"cell: the human who stands at ({x:.2f}, {y:.2f}) cannot reach ({at}); change its stand")
-    held[5:9] = standing_joints[5:9]
-    return held
+    reached[5:9] = standing_joints[5:9]
+    return reached
 
 
 def hand_position(joints: FloatArray) -> FloatArray:
@@ -168,5 +168,5 @@ def check_reach(cell: Cell) -> None:
                 raise ScenarioError(f"{skill.task!r} by {skill.agent!r}: {name!r}: {error}") from error
 
 
-def _hand_way_m(start: FloatArray, end: FloatArray) -> float:
+def _hand_distance_m(start: FloatArray, end: FloatArray) -> float:
     return float(np.linalg.norm(hand_position(end) - hand_position(start)))

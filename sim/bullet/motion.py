@@ -17,7 +17,7 @@ from hrclog.sim.cell.robot_kinematics import RailArm
 Limits = Sequence[float] | FloatArray
 
 _SAMPLES_PER_S: Final = 100
-_NOTHING_S: Final = 1e-12
+_NEGLIGIBLE_S: Final = 1e-12
 """Moves that would take less at the greatest speed take no time."""
 
 
@@ -49,8 +49,8 @@ class Segment:
             return self.start.copy()
         left = self.duration_s - t
         if t <= left:  # from the nearer end: symmetric to the last bit, and no step where the ends are met
-            return self.start + self._travelled(t) * (self.end - self.start)
-        return self.end + self._travelled(left) * (self.start - self.end)
+            return self.start + self._progress(t) * (self.end - self.start)
+        return self.end + self._progress(left) * (self.start - self.end)
 
     def velocity(self, t: float) -> FloatArray:
         """Return the joint velocities at a time in s, shape (n,)."""
@@ -60,7 +60,7 @@ class Segment:
         speed = self.peak if to_end >= self.ramp_s else self.peak * to_end / self.ramp_s
         return speed * (self.end - self.start)
 
-    def _travelled(self, t: float) -> float:
+    def _progress(self, t: float) -> float:
         """Return s in the first half."""
         if t < self.ramp_s:
             return self.peak * t * t / (2 * self.ramp_s)
@@ -119,20 +119,20 @@ class Path:
 
     def at(self, t: float) -> FloatArray:
         """Return the joint positions at a time in s, shape (n,); the nearer end outside."""
-        part, inside = self._part(t)
-        return part.at(inside)
+        part, part_time = self._part_at(t)
+        return part.at(part_time)
 
     def velocity(self, t: float) -> FloatArray:
         """Return the joint velocities at a time in s, shape (n,); zero outside."""
-        part, inside = self._part(t)
-        return part.velocity(inside)
+        part, part_time = self._part_at(t)
+        return part.velocity(part_time)
 
     def length_m(self, arm: RailArm) -> float:
         """Return how far the tip of an arm travels, in m, from samples 10 ms apart or closer."""
         tips = [arm.forward(_samples(part))[:, :3, 3] for part in self.parts if isinstance(part, Segment)]
         return float(sum(np.linalg.norm(np.diff(tip, axis=0), axis=1).sum() for tip in tips))
 
-    def _part(self, t: float) -> tuple[Segment | Dwell, float]:
+    def _part_at(self, t: float) -> tuple[Segment | Dwell, float]:
         number = max(bisect_right(self._begins, t) - 1, 0)
         return self.parts[number], t - self._begins[number]
 
@@ -154,7 +154,7 @@ def trapezoid(q_from: FloatArray, q_to: FloatArray, max_velocity: Limits, max_ac
     travel = np.abs(end - start)
     by_speed = float(np.max(travel / np.asarray(max_velocity)))  # s at the greatest speed
     by_acceleration = float(np.max(travel / np.asarray(max_acceleration)))  # s^2
-    if by_speed < _NOTHING_S:
+    if by_speed < _NEGLIGIBLE_S:
         return Segment(start, end, 0.0, 0.0, 0.0)
     ramp_s = by_acceleration / by_speed
     if ramp_s < by_speed:

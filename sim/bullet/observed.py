@@ -38,9 +38,9 @@ def observed_truth(scenario: Scenario, cell: Cell, seed: int, engine: str, runs:
     keys = scenario.problem.agent_tasks()
     logs: dict[AgentTask, list[float]] = defaultdict(list)
     for run in runs:
-        for one in run.executions:
-            if one.outcome == Outcome.SUCCEEDED and one.work_s > 0.0:
-                logs[one.agent, one.task].append(math.log(one.work_s))
+        for execution in run.executions:
+            if execution.outcome == Outcome.SUCCEEDED and execution.work_s > 0.0:
+                logs[execution.agent, execution.task].append(math.log(execution.work_s))
     pairs: dict[tuple[AgentTask, AgentTask], list[PairTruth]] = defaultdict(list)
     for run in runs:
         for pair in run.pairs:
@@ -68,11 +68,13 @@ def _failure_probability(cell: Cell, key: AgentTask) -> float:
     return fault.probability if fault else 0.0
 
 
-def _synergy(key: AgentTask, other: AgentTask, seen: Sequence[PairTruth]) -> SynergyTruth:
-    overlap_s = math.fsum(pair.overlap_s for pair in seen)
-    made_s = math.fsum(pair.progress_s for pair in seen)
-    asked_s = math.fsum(pair.caused_progress_s for pair in seen)
-    return SynergyTruth(*key, *other, _factor(overlap_s, made_s), _factor(overlap_s, asked_s), round(overlap_s, 9))
+def _synergy(key: AgentTask, other: AgentTask, pairs: Sequence[PairTruth]) -> SynergyTruth:
+    overlap_s = math.fsum(pair.overlap_s for pair in pairs)
+    progress_s = math.fsum(pair.progress_s for pair in pairs)
+    caused_progress_s = math.fsum(pair.caused_progress_s for pair in pairs)
+    return SynergyTruth(
+        *key, *other, _factor(overlap_s, progress_s), _factor(overlap_s, caused_progress_s), round(overlap_s, 9)
+    )
 
 
 def _factor(overlap_s: float, progress_s: float) -> float | None:

@@ -108,20 +108,22 @@ class RobotPlanner:
         if not grasps:
             return None
         poses = np.array([top_down(np.asarray(target.position), yaw) for target, yaw in grasps])
-        solutions, which = self._arm.inverse(poses, self._rails)
-        order = np.argsort(self._times(solutions - start), kind="stable")[:_CANDIDATES]
-        found = []
-        for number, joints in zip(which[order].tolist(), solutions[order], strict=True):
+        solutions, pose_indices = self._arm.inverse(poses, self._rails)
+        order = np.argsort(self._travel_times(solutions - start), kind="stable")[:_CANDIDATES]
+        candidates = []
+        for number, joints in zip(pose_indices[order].tolist(), solutions[order], strict=True):
             target, yaw = grasps[number]
-            found.append(_Candidate(target, yaw, poses[number], joints))
-        chosen = self._first(start, found, self._straight) or self._first(start, found, self._around, _FALLBACKS)
-        return self._motion(*chosen, grip_s) if chosen else None
+            candidates.append(_Candidate(target, yaw, poses[number], joints))
+        chosen = self._first_reachable(start, candidates, self._straight_way) or self._first_reachable(
+            start, candidates, self._way_around, _FALLBACKS
+        )
+        return self._grasp_motion(*chosen, grip_s) if chosen else None
 
     def go_to(self, start: FloatArray, end: FloatArray) -> RobotMotion | None:
         """Return the motion to joints (7,), an empty one where they are reached, None where there is no way."""
         if np.allclose(start, end, atol=1e-9):
             return RobotMotion(Path([Dwell(end, 0.0)]))
-        way = self._straight(start, end) or self._around(start, end)
+        way = self._straight_way(start, end) or self._way_around(start, end)
         return RobotMotion(self._path(way)) if way else None
 
     def length_m(self, motion: RobotMotion) -> float:
@@ -131,13 +133,13 @@ class RobotPlanner:
     def reachable(self, target: Target) -> bool:
         """Return whether the gripper can be at and above a target without touching anything."""
         poses = np.array([top_down(np.asarray(target.position), yaw) for yaw in _YAWS])
-        solutions, which = self._arm.inverse(poses, self._rails)
+        solutions, pose_indices = self._arm.inverse(poses, self._rails)
         return any(
-            self._free(solution) and self._above(poses[index], solution) is not None
-            for solution, index in zip(solutions, which, strict=True)
+            self._free(solution) and self._joints_above(poses[index], solution) is not None
+            for solution, index in zip(solutions, pose_indices, strict=True)
         )
 
-    def _first(
+    def _first_reachable(
         self,
         start: FloatArray,
         candidates: Sequence[_Candidate],
@@ -146,8 +148,8 @@ class RobotPlanner:
     ) -> tuple[list[FloatArray], FloatArray, _Candidate] | None:
         """Return the way to above the first candidate that can be reached, the joints above it, and it."""
         for candidate in candidates:
-            above = self._above(candidate.pose, candidate.joints)
-            if above is None or self._straight(above, candidate.joints) is None:
+            above = self._joints_above(candidate.pose, candidate.joints)
+            if above is None or self._straight_way(above, candidate.joints) is None:
                 continue
             tries -= 1
             way = way_to(start, above)
@@ -157,42 +159,44 @@ class RobotPlanner:
                 return None
         return None
 
-    def _motion(self, way: list[FloatArray], above: FloatArray, candidate: _Candidate, grip_s: float) -> RobotMotion:
+    def _grasp_motion(
+        self, way: list[FloatArray], above: FloatArray, candidate: _Candidate, grip_s: float
+    ) -> RobotMotion:
         grasp, target = candidate.joints, candidate.target
         slow = self._velocity * self._model.approach
-        coming = [*self._path(way).parts, trapezoid(above, grasp, slow, self._acceleration)]
+        approach = [*self._path(way).parts, trapezoid(above, grasp, slow, self._acceleration)]
         grip = Dwell(grasp, grip_s)
-        path = Path([*coming, grip, trapezoid(grasp, above, slow, self._acceleration)])
-        grip_at_s = sum(leg.duration_s for leg in coming) + grip_s
+        path = Path([*approach, grip, trapezoid(grasp, above, slow, self._acceleration)])
+        grip_at_s = sum(leg.duration_s for leg in approach) + grip_s
         return RobotMotion(path, target.name, target.position, grip_at_s, candidate.yaw)
 
     def _path(self, way: Sequence[FloatArray]) -> Path:
         return path_through(way, self._velocity.tolist(), self._acceleration.tolist())
 
-    def _above(self, pose: FloatArray, grasp: FloatArray) -> FloatArray | None:
+    def _joints_above(self, pose: FloatArray, grasp: FloatArray) -> FloatArray | None:
         """Return the joints above a grasp, carriage where it is, that are nearest to it."""
         raised = pose.copy()
         raised[2, 3] += self._model.approach_m
         solutions, _ = self._arm.inverse(raised[None], grasp[:1])
         if not len(solutions):
             return None
-        away = np.abs(solutions - grasp).max(axis=1)
-        best = int(away.argmin())
-        return solutions[best] if away[best] < _BRANCH else None
+        distances = np.abs(solutions - grasp).max(axis=1)
+        best = int(distances.argmin())
+        return solutions[best] if distances[best] < _BRANCH else None
 
-    def _times(self, way: FloatArray) -> FloatArray:
+    def _travel_times(self, way: FloatArray) -> FloatArray:
         """Return how long straight ways (n, 7) take, s."""
         distance, v, a = np.abs(way), self._velocity, self._acceleration
         ramps = 2 * np.sqrt(distance / a)
         return np.asarray(np.where(distance > v**2 / a, distance / v + v / a, ramps).max(axis=1))
 
-    def _straight(self, start: FloatArray, end: FloatArray) -> list[FloatArray] | None:
+    def _straight_way(self, start: FloatArray, end: FloatArray) -> list[FloatArray] | None:
         middle = (start + end) / 2  # the likeliest point to be blocked
         if self._free(end) and self._free(middle) and edge_free(start, end, self._free, _STEP):
             return [start, end]
         return None
 
-    def _around(self, start: FloatArray, end: FloatArray) -> list[FloatArray] | None:
+    def _way_around(self, start: FloatArray, end: FloatArray) -> list[FloatArray] | None:
         return rrt_connect(start, end, self._arm.lower, self._arm.upper, self._free, self._stream.source)
 
 

@@ -39,16 +39,16 @@ class _Tree:
 
     def nearest(self, q: FloatArray) -> int:
         """Return the number of the node nearest to a position, the oldest of several."""
-        away = self.nodes[: len(self.parents)] - q
-        return int(np.argmin(np.einsum("ij,ij->i", away, away)))
+        offsets = self.nodes[: len(self.parents)] - q
+        return int(np.argmin(np.einsum("ij,ij->i", offsets, offsets)))
 
     def branch(self, number: int) -> list[FloatArray]:
         """Return the nodes from a node to the root."""
-        found = []
+        nodes = []
         while number >= 0:
-            found.append(self.nodes[number].copy())
+            nodes.append(self.nodes[number].copy())
             number = self.parents[number]
-        return found
+        return nodes
 
 
 def edge_free(start: FloatArray, end: FloatArray, free: Free, resolution: float) -> bool:
@@ -100,17 +100,17 @@ def rrt_connect(
     if edge_free(start, goal, free, resolution):
         return [start, goal]
     low, span = np.asarray(lower, dtype=np.float64), np.subtract(upper, lower)
-    here, there = _Tree(start, max_iterations), _Tree(goal, max_iterations)
+    tree, other_tree = _Tree(start, max_iterations), _Tree(goal, max_iterations)
     for iteration in range(max_iterations):
         sample = low + span * np.array([random.random() for _ in range(len(low))])
-        reached, _ = _grow(here, sample, free, step, resolution, once=True)
-        met, joined = (-1, False)
+        reached, _ = _grow(tree, sample, free, step, resolution, once=True)
+        meeting_node, joined = (-1, False)
         if reached >= 0:
-            met, joined = _grow(there, here.nodes[reached], free, step, resolution, once=False)
+            meeting_node, joined = _grow(other_tree, tree.nodes[reached], free, step, resolution, once=False)
         if joined:
-            way = [*here.branch(reached)[::-1], *there.branch(met)[1:]]
+            way = [*tree.branch(reached)[::-1], *other_tree.branch(meeting_node)[1:]]
             return shortcut(way if iteration % 2 == 0 else way[::-1], free, random, resolution, shortcuts)
-        here, there = there, here
+        tree, other_tree = other_tree, tree
     return None
 
 
@@ -134,11 +134,11 @@ def shortcut(
         first, last = int(early), int(late)
         if first == last:
             continue
-        a, b = _between(way, early), _between(way, late)
+        a, b = _interpolate(way, early), _interpolate(way, late)
         edges = ((a, b), (way[first], a), (b, way[last + 1]))  # halves of a free edge are checked at other points
         if all(edge_free(*edge, free, resolution) for edge in edges):
             way = [*way[: first + 1], a, b, *way[last + 1 :]]
-    return _straightened(way, free, resolution)
+    return _straighten(way, free, resolution)
 
 
 def _grow(
@@ -152,10 +152,10 @@ def _grow(
     number, last = tree.nearest(target), -1
     while True:
         node = tree.nodes[number]
-        away = target - node
-        distance = float(np.linalg.norm(away))
+        offset = target - node
+        distance = float(np.linalg.norm(offset))
         arrived = distance <= step
-        q = target if arrived else node + away * (step / distance)
+        q = target if arrived else node + offset * (step / distance)
         if not edge_free(node, q, free, resolution):
             return last, False
         number = last = tree.add(q, number)
@@ -163,18 +163,18 @@ def _grow(
             return last, arrived
 
 
-def _between(way: Sequence[FloatArray], place: float) -> FloatArray:
+def _interpolate(way: Sequence[FloatArray], place: float) -> FloatArray:
     number = int(place)
     return way[number] + (place - number) * (way[number + 1] - way[number])
 
 
-def _straightened(way: list[FloatArray], free: Free, resolution: float) -> list[FloatArray]:
+def _straighten(way: list[FloatArray], free: Free, resolution: float) -> list[FloatArray]:
     """Return a way without the waypoints that it does not need: from each on to the farthest in sight."""
-    found, here = [way[0]], 0
-    while here < len(way) - 1:
-        there = len(way) - 1
-        while there > here + 1 and not edge_free(way[here], way[there], free, resolution):
-            there -= 1
-        found.append(way[there])
-        here = there
-    return found
+    waypoints, index = [way[0]], 0
+    while index < len(way) - 1:
+        farthest = len(way) - 1
+        while farthest > index + 1 and not edge_free(way[index], way[farthest], free, resolution):
+            farthest -= 1
+        waypoints.append(way[farthest])
+        index = farthest
+    return waypoints

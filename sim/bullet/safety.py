@@ -66,8 +66,8 @@ FREE: Final = Limit(1.0)
 def make_policy(name: str, settings: SafetySettings) -> tuple[Policy, Slew, float]:
     """Return a policy by its name, its slew, and the deceleration (m/s^2) of its brakes."""
     make = _MAKERS[name]
-    own = getattr(settings, name)
-    return make(own), own.slew, own.braking
+    policy_settings = getattr(settings, name)
+    return make(policy_settings), policy_settings.slew, policy_settings.braking
 
 
 def areas_policy(settings: AreasSettings) -> Policy:
@@ -77,15 +77,15 @@ def areas_policy(settings: AreasSettings) -> Policy:
     def limit(view: View) -> Limit:
         points = view.human_points
         for area in areas:
-            muted = area.guarded is not None and not _inside(view.gripper, *area.guarded)
-            if not muted and any(_inside(point, area.low, area.high) for point in points):
+            muted = area.guarded is not None and not _is_inside(view.gripper, *area.guarded)
+            if not muted and any(_is_inside(point, area.low, area.high) for point in points):
                 return Limit(area.scale, area.name)
         return FREE
 
     return limit
 
 
-def _inside(point: tuple[float, float, float], low: tuple[float, float], high: tuple[float, float]) -> bool:
+def _is_inside(point: tuple[float, float, float], low: tuple[float, float], high: tuple[float, float]) -> bool:
     return low[0] <= point[0] <= high[0] and low[1] <= point[1] <= high[1]
 
 
@@ -114,9 +114,9 @@ def allowed_speed(distance_m: FloatArray | float, settings: SsmSettings) -> Floa
         settings: v_h, T_r, a and C.
     """
     gap = np.asarray(distance_m, dtype=np.float64) - settings.clearance_m
-    lost = settings.deceleration * settings.reaction_s
-    root = np.sqrt(settings.human_speed**2 + lost**2 + 2 * settings.deceleration * np.maximum(gap, 0.0))
-    return np.asarray(np.where(gap > 0.0, np.maximum(root - lost - settings.human_speed, 0.0), 0.0))
+    lost_speed = settings.deceleration * settings.reaction_s
+    root = np.sqrt(settings.human_speed**2 + lost_speed**2 + 2 * settings.deceleration * np.maximum(gap, 0.0))
+    return np.asarray(np.where(gap > 0.0, np.maximum(root - lost_speed - settings.human_speed, 0.0), 0.0))
 
 
 def ssm_policy(settings: SsmSettings) -> Policy:

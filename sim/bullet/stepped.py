@@ -135,7 +135,7 @@ class SteppedExecutor(ABC):
         self._wake = shared.wake
         self._truth = shared.truth
         self._waiting: dict[str, Execution] = {}  # given and not begun
-        self._chosen: dict[tuple[str, str, str], str] = {}  # target by item and skill: a retry keeps its own
+        self._chosen_targets: dict[tuple[str, str, str], str] = {}  # target by item and skill: a retry keeps its own
         self._emit: Emit = lambda _: None
 
     def connect(self, emit: Emit) -> None:
@@ -160,7 +160,7 @@ class SteppedExecutor(ABC):
         fails = self._stream.uniform() < (fault.probability if fault else 0.0)
         skill = self._cell.skill[key]
         names = skill.steps if skill.kind == SEQUENCE else (command.task,)
-        skills = deque(part for name in names for part in _parts(self._cell.skill[command.agent, name]))
+        skills = deque(part for name in names for part in _single_target_skills(self._cell.skill[command.agent, name]))
         execution = Execution(command, skills, fails, fault.reason if fault else "")
         self._waiting[command.execution_id] = execution
         # commands may come between two ticks: an execution begins on the beat
@@ -196,18 +196,18 @@ class SteppedExecutor(ABC):
         step = execution.step
         if step is None:
             return
-        self._pause(execution, scale)
+        self._update_pause(execution, scale)
         whole_s = execution.work_ticks * TICK_S
-        made_s = min(scale * TICK_S, whole_s - execution.done_s)
-        execution.done_s += made_s
+        progress_s = min(scale * TICK_S, whole_s - execution.done_s)
+        execution.done_s += progress_s
         execution.ticks += 1
-        execution.work_s += made_s
-        execution.lost_s += TICK_S - made_s
+        execution.work_s += progress_s
+        execution.lost_s += TICK_S - progress_s
         if not execution.gripped and execution.done_s >= step.motion.grip_at_s:
             execution.gripped = True
             self._grip(execution, step)
         if execution.done_s >= whole_s - _CLOSE * TICK_S:
-            self._step_over(execution, step)
+            self._finish_step(execution, step)
 
     def where(self) -> tuple[Motion, float] | None:
         """Return the motion under way and the time done of it; None while nothing moves."""
@@ -230,7 +230,7 @@ class SteppedExecutor(ABC):
 
     def chosen(self, execution: Execution, skill: Skill) -> str:
         """Return what an earlier attempt at the same item chose, "" if none did."""
-        return self._chosen.get((execution.command.item_id, skill.task, skill.kind), "")
+        return self._chosen_targets.get((execution.command.item_id, skill.task, skill.kind), "")
 
     def _begin(self, execution: Execution) -> None:
         command = execution.command
@@ -264,7 +264,7 @@ class SteppedExecutor(ABC):
             return
         if step.target:
             self._stock.claim(step.target, self._agent)
-            self._chosen[execution.command.item_id, skill.task, skill.kind] = step.target
+            self._chosen_targets[execution.command.item_id, skill.task, skill.kind] = step.target
             execution.targets.append(step.target)
         execution.step = step
         execution.planning_left = math.ceil(step.planning_s / TICK_S)
@@ -273,7 +273,7 @@ class SteppedExecutor(ABC):
         execution.done_s, execution.gripped = 0.0, False
         execution.path_length += step.path_length
         if not execution.planning_left and not execution.work_ticks:
-            self._step_over(execution, step)
+            self._finish_step(execution, step)
 
     def _grip(self, execution: Execution, step: Step) -> None:
         if execution.fails:
@@ -281,11 +281,11 @@ class SteppedExecutor(ABC):
         elif step.skill.kind == PICK:
             self._stock.take(step.target)
         elif step.skill.kind == PLACE:
-            held = self._stock.held_by(self._agent)
-            if held is not None:
-                self._stock.put(held, step.target)
+            held_item = self._stock.held_by(self._agent)
+            if held_item is not None:
+                self._stock.put(held_item, step.target)
 
-    def _step_over(self, execution: Execution, step: Step) -> None:
+    def _finish_step(self, execution: Execution, step: Step) -> None:
         self.rest(step, execution.work_ticks * TICK_S)
         execution.step = None
         failed = execution.fails and (execution.gripped or math.isinf(step.motion.grip_at_s))
@@ -309,12 +309,12 @@ class SteppedExecutor(ABC):
         self._end_sub_step(execution, outcome)
         self.running = None
         duration_s = (self._clock.now_ns - execution.begun_ns) / NS_PER_S
-        told_s = execution.planning_s + execution.work_s + execution.lost_s
-        if outcome is Outcome.CANCELED and abs(duration_s - told_s) <= TICK_S:
-            execution.lost_s += duration_s - told_s  # cut short between two ticks
-            told_s = duration_s
-        if abs(duration_s - told_s) > _CLOSE:
-            raise RuntimeError(f"{command.task} took {duration_s} s, its planning, work and losses {told_s} s")
+        accounted_s = execution.planning_s + execution.work_s + execution.lost_s
+        if outcome is Outcome.CANCELED and abs(duration_s - accounted_s) <= TICK_S:
+            execution.lost_s += duration_s - accounted_s  # cut short between two ticks
+            accounted_s = duration_s
+        if abs(duration_s - accounted_s) > _CLOSE:
+            raise RuntimeError(f"{command.task} took {duration_s} s, its planning, work and losses {accounted_s} s")
         self._truth.append(
             ExecutionTruth(
                 command.execution_id,
@@ -328,7 +328,7 @@ class SteppedExecutor(ABC):
                 execution.lost_s,
             )
         )
-        planned = self._scenario.durations_s.get((command.agent, command.task))
+        planned_s = self._scenario.durations_s.get((command.agent, command.task))
         no_op = outcome is Outcome.SUCCEEDED and duration_s == 0.0
         self._emit(
             event_on(
@@ -337,7 +337,7 @@ class SteppedExecutor(ABC):
                 time_ns=self._clock.now_ns,
                 outcome=outcome,
                 reason=reason,
-                planned_duration_s=planned,
+                planned_duration_s=planned_s,
                 planning_time_s=execution.planning_s or None,
                 path_length=execution.path_length or None,
                 target=execution.targets[-1] if execution.targets else "",
@@ -366,7 +366,7 @@ class SteppedExecutor(ABC):
         command, execution.step_command = execution.step_command, None
         self._emit(event_on(TaskEnded, command, time_ns=self._clock.now_ns, outcome=outcome))
 
-    def _pause(self, execution: Execution, scale: float) -> None:
+    def _update_pause(self, execution: Execution, scale: float) -> None:
         if execution.paused != (scale == 0.0):
             execution.paused = not execution.paused
             kind: type[TaskPaused | TaskResumed] = TaskPaused if execution.paused else TaskResumed
@@ -375,7 +375,7 @@ class SteppedExecutor(ABC):
     pause_cause: Cause = Cause.SAFETY
 
 
-def _parts(skill: Skill) -> list[Skill]:
+def _single_target_skills(skill: Skill) -> list[Skill]:
     """Return a skill as skills that each go to one target."""
     if skill.kind != PICK_PLACE:
         return [skill]

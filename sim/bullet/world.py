@@ -51,10 +51,10 @@ class World:
         with silent():
             self.robot = self._load(ROBOT_URDF, [0.0, robot.rail_y, robot.base_z], turn)
             self.human = self._load(HUMAN_URDF, [0.0, 0.0, 0.0], turn)
-        self._fixtures = [self._fixture(box) for box in cell.fixtures]
-        self._robot_joints = self._movable(self.robot)
-        self._human_joints = self._movable(self.human)
-        self._own_pairs = self._link_pairs()
+        self._fixtures = [self._add_fixture(box) for box in cell.fixtures]
+        self._robot_joints = self._movable_joints(self.robot)
+        self._human_joints = self._movable_joints(self.human)
+        self._checked_link_pairs = self._link_pairs()
 
     def close(self) -> None:
         """Free the world."""
@@ -62,11 +62,11 @@ class World:
 
     def set_robot(self, joints: FloatArray) -> None:
         """Put the robot's joints (7,) where they shall be."""
-        self._set(self.robot, self._robot_joints, joints)
+        self._set_joints(self.robot, self._robot_joints, joints)
 
     def set_human(self, joints: FloatArray) -> None:
         """Put the human's joints (13,) where they shall be."""
-        self._set(self.human, self._human_joints, joints)
+        self._set_joints(self.human, self._human_joints, joints)
 
     def separation(self, within_m: float = FAR_M) -> Separation:
         """Return how near robot and human are, for all pairs of body parts nearer than a distance."""
@@ -75,12 +75,12 @@ class World:
     def free(self, joints: FloatArray) -> bool:
         """Return whether the robot at joints (7,) touches neither a fixture nor itself."""
         self.set_robot(joints)
-        near, client = self._bullet.getClosestPoints, self._client
-        if any(near(self.robot, box, _MARGIN_M, physicsClientId=client) for box in self._fixtures):
+        closest_points, client = self._bullet.getClosestPoints, self._client
+        if any(closest_points(self.robot, box, _MARGIN_M, physicsClientId=client) for box in self._fixtures):
             return False
         return not any(
-            near(self.robot, self.robot, 0.0, linkIndexA=a, linkIndexB=b, physicsClientId=client)
-            for a, b in self._own_pairs
+            closest_points(self.robot, self.robot, 0.0, linkIndexA=a, linkIndexB=b, physicsClientId=client)
+            for a, b in self._checked_link_pairs
         )
 
     def _load(self, path: Path, position: list[float], orientation: Sequence[float]) -> int:
@@ -88,17 +88,17 @@ class World:
             self._bullet.loadURDF(str(path), position, orientation, useFixedBase=True, physicsClientId=self._client)
         )
 
-    def _fixture(self, box: Box) -> int:
+    def _add_fixture(self, box: Box) -> int:
         half = [side / 2 for side in box.size]
         shape = self._bullet.createCollisionShape(self._bullet.GEOM_BOX, halfExtents=half, physicsClientId=self._client)
         return int(self._bullet.createMultiBody(0, shape, -1, box.position, physicsClientId=self._client))
 
-    def _movable(self, body: int) -> list[int]:
+    def _movable_joints(self, body: int) -> list[int]:
         count = self._bullet.getNumJoints(body, physicsClientId=self._client)
         kinds = [self._bullet.getJointInfo(body, joint, physicsClientId=self._client)[2] for joint in range(count)]
         return [joint for joint, kind in enumerate(kinds) if kind != self._bullet.JOINT_FIXED]
 
-    def _set(self, body: int, indices: list[int], joints: FloatArray) -> None:
+    def _set_joints(self, body: int, indices: list[int], joints: FloatArray) -> None:
         values = [(value,) for value in joints.tolist()]
         self._bullet.resetJointStatesMultiDof(body, indices, values, physicsClientId=self._client)
 
@@ -157,16 +157,16 @@ def silent() -> Iterator[None]:
     streams = (sys.stdout, sys.stderr)
     for stream in streams:
         stream.flush()
-    kept = [os.dup(number) for number in (1, 2)]
+    saved_descriptors = [os.dup(number) for number in (1, 2)]
     try:
-        with open(os.devnull, "w", encoding="utf-8") as nothing:  # noqa: PTH123 - os.devnull is a name, not a path
+        with open(os.devnull, "w", encoding="utf-8") as null:  # noqa: PTH123 - os.devnull is a name, not a path
             for number in (1, 2):
-                os.dup2(nothing.fileno(), number)
+                os.dup2(null.fileno(), number)
             yield
     finally:
         for stream in streams:
             stream.flush()
         ctypes.CDLL(None).fflush(None)  # what C code printed waits in its own buffer
-        for number, copy in zip((1, 2), kept, strict=True):
-            os.dup2(copy, number)
-            os.close(copy)
+        for number, saved in zip((1, 2), saved_descriptors, strict=True):
+            os.dup2(saved, number)
+            os.close(saved)

@@ -232,11 +232,11 @@ def check_policy(name: str) -> None:
         raise ScenarioError(f"safety policy: found {name!r}, expected one of {', '.join(POLICIES)}")
 
 
-def _check_names(what: str, names: Iterable[str]) -> None:
+def _check_names(kind: str, names: Iterable[str]) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:
-            raise ScenarioError(f"cell: {what} {name!r} is given twice; names must be unique")
+            raise ScenarioError(f"cell: {kind} {name!r} is given twice; names must be unique")
         seen.add(name)
 
 
@@ -257,9 +257,9 @@ def _check_skill(cell: Cell, skill: Skill) -> None:
     if skill.agent not in (cell.robot.agent, cell.human.agent):
         raise ScenarioError(f"{where}: the cell has the agents {cell.robot.agent}, {cell.human.agent}; name one")
     if skill.kind in (PICK, PICK_PLACE) and not cell.places_of(skill.objects):
-        raise ScenarioError(f"{where}: no object is in the group {skill.objects!r}; {_groups(cell.objects)}")
+        raise ScenarioError(f"{where}: no object is in the group {skill.objects!r}; {_groups_text(cell.objects)}")
     if skill.kind in (PLACE, PICK_PLACE) and not cell.slots_of(skill.slots):
-        raise ScenarioError(f"{where}: no slot is in the group {skill.slots!r}; {_groups(cell.slots)}")
+        raise ScenarioError(f"{where}: no slot is in the group {skill.slots!r}; {_groups_text(cell.slots)}")
     if skill.kind == GO_TO and skill.agent == cell.robot.agent and cell.robot.pose(skill.pose) is None:
         poses = ", ".join(pose.name for pose in cell.robot.poses)
         raise ScenarioError(f"{where}: pose {skill.pose!r} is unknown; the poses are {poses}")
@@ -272,12 +272,12 @@ def _check_skill(cell: Cell, skill: Skill) -> None:
 
 def _check_steps(cell: Cell, skill: Skill, where: str) -> None:
     for step in skill.steps:
-        known = cell.skill.get((skill.agent, step))
-        if known is None or known.kind == SEQUENCE:
+        step_skill = cell.skill.get((skill.agent, step))
+        if step_skill is None or step_skill.kind == SEQUENCE:
             raise ScenarioError(f"{where}: step {step!r} is no simple task of {skill.agent!r}; name its own tasks")
     if skill.kind == SEQUENCE and not skill.steps:
         raise ScenarioError(f"{where}: a sequence without steps; name its tasks in 'steps'")
 
 
-def _groups(things: tuple[Box, ...] | tuple[Slot, ...]) -> str:
-    return "the groups are " + ", ".join(sorted({thing.group for thing in things}))
+def _groups_text(members: tuple[Box, ...] | tuple[Slot, ...]) -> str:
+    return "the groups are " + ", ".join(sorted({member.group for member in members}))

@@ -269,12 +269,12 @@ def _band(entry: JsonRecord) -> Band:
 
 
 def _ssm(entry: JsonRecord) -> SsmSettings:
-    usual = SsmSettings()
+    defaults = SsmSettings()
     return SsmSettings(
-        human_speed=entry.number("human_speed", usual.human_speed),
-        reaction_s=entry.number("reaction_s", usual.reaction_s),
+        human_speed=entry.number("human_speed", defaults.human_speed),
+        reaction_s=entry.number("reaction_s", defaults.reaction_s),
         deceleration=_deceleration(entry),
-        clearance_m=entry.number("clearance_m", usual.clearance_m),
+        clearance_m=entry.number("clearance_m", defaults.clearance_m),
         brakes=entry.positive("brakes") if "brakes" in entry else _deceleration(entry),
         slew=_slew(entry),
     )
@@ -293,29 +293,29 @@ def _deceleration(entry: JsonRecord) -> float:
 
 
 def _protective_stop(record: JsonRecord) -> ProtectiveStop:
-    usual = ProtectiveStop()
+    defaults = ProtectiveStop()
     if "protective_stop" not in record:
-        return usual
+        return defaults
     entry = record.record("protective_stop", ("rate_per_hour", "duration_s"))
-    return ProtectiveStop(entry.number("rate_per_hour"), entry.number("duration_s", usual.duration_s))
+    return ProtectiveStop(entry.number("rate_per_hour"), entry.number("duration_s", defaults.duration_s))
 
 
 def _color(entry: JsonRecord) -> tuple[int, int, int]:
     red, green, blue = (round(value) for value in numbers(entry, "color", 3))
-    right = all(0 <= value <= 255 for value in (red, green, blue))
-    return (red, green, blue) if right else entry.instead("color", "3 numbers from 0 to 255", (0, 0, 0))
+    valid = all(0 <= value <= 255 for value in (red, green, blue))
+    return (red, green, blue) if valid else entry.instead("color", "3 numbers from 0 to 255", (0, 0, 0))
 
 
 def share(entry: JsonRecord, name: str) -> float:
     """Return a number above 0 and at most 1; what is slower than a hundredth does not move in any run."""
-    return _above(entry, name, 1.0, f"a share above 0 and at most 1, no smaller than {_SLOWEST:g}")
+    return _number_in_range(entry, name, 1.0, f"a share above 0 and at most 1, no smaller than {_SLOWEST:g}")
 
 
 def _speed(entry: JsonRecord, name: str) -> float:
-    return _above(entry, name, _FASTEST_M_S, f"a number from {_SLOWEST:g} to {_FASTEST_M_S:g} m/s")
+    return _number_in_range(entry, name, _FASTEST_M_S, f"a number from {_SLOWEST:g} to {_FASTEST_M_S:g} m/s")
 
 
-def _above(entry: JsonRecord, name: str, most: float, expected: str) -> float:
+def _number_in_range(entry: JsonRecord, name: str, most: float, expected: str) -> float:
     value = entry.whole(lambda: entry.positive(name))
     if value is None:
         return most

@@ -109,11 +109,11 @@ def reach(base: tuple[float, float, float], target: FloatArray, side: Side) -> F
     if bend:
         for _ in range(_BISECTIONS):
             middle = (low + bend) / 2
-            less = _arm_to(goal, middle)
-            if less is None:
+            bent_arm = _arm_to(goal, middle)
+            if bent_arm is None:
                 low = middle
             else:
-                bend, arm = middle, less
+                bend, arm = middle, bent_arm
     q = np.array(
         (x, y, yaw, bend, 0.0, *(arm if side == "left" else (0.0,) * 4), *(arm if side == "right" else (0.0,) * 4))
     )

@@ -124,7 +124,7 @@ def robot_urdf(arm: RailArm) -> str:
         for number, name in enumerate(JOINT_NAMES[1:])
     ]
     joints.append(Joint("tip", "fixed", (a[6], 0.0, d[6] + arm.tip_m), (alpha[6], 0.0, 0.0)))
-    return _urdf("robot", links, joints, list(range(len(joints))))
+    return _urdf_text("robot", links, joints, list(range(len(joints))))
 
 
 def human_urdf() -> str:
@@ -182,7 +182,7 @@ def human_urdf() -> str:
             HUMAN_JOINT_NAMES, kinds, places, HUMAN_LOWER, HUMAN_UPPER, strict=True
         )
     ]
-    return _urdf("human", links, joints, parents)
+    return _urdf_text("human", links, joints, parents)
 
 
 def write() -> None:
@@ -204,48 +204,48 @@ def _gripper(tip_m: float) -> tuple[Part, ...]:
     )
 
 
-def _urdf(name: str, links: list[Link], joints: list[Joint], parents: list[int]) -> str:
+def _urdf_text(name: str, links: list[Link], joints: list[Joint], parents: list[int]) -> str:
     """Return a URDF in which joint i moves link i + 1, so that PyBullet's indices are those of the joints."""
     root = ET.Element("robot", name=name)
     root.append(ET.Comment(" made by hrclog.sim.models.build "))
     for link in links:
-        root.append(_link(link))
+        root.append(_link_element(link))
     for joint, parent, child in zip(joints, parents, links[1:], strict=True):
-        root.append(_joint(joint, links[parent].name, child.name))
+        root.append(_joint_element(joint, links[parent].name, child.name))
     ET.indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _link(link: Link) -> ET.Element:
+def _link_element(link: Link) -> ET.Element:
     element = ET.Element("link", name=link.name)
     inertial = ET.SubElement(element, "inertial")
     ET.SubElement(inertial, "mass", value="1")
     ET.SubElement(inertial, "inertia", ixx="0.01", ixy="0", ixz="0", iyy="0.01", iyz="0", izz="0.01")
     for shape in link.shapes:
-        for geometry, middle, angles in _seen(shape):
-            visual = _place(element, "visual", geometry, middle, angles)
+        for geometry, middle, angles in _visual_shapes(shape):
+            visual = _add_shape(element, "visual", geometry, middle, angles)
             material = ET.SubElement(visual, "material", name=link.name)
-            ET.SubElement(material, "color", rgba=_text(*link.colour, 1.0))
+            ET.SubElement(material, "color", rgba=_numbers_text(*link.colour, 1.0))
     for shape in link.shapes:
         if isinstance(shape, Part) and shape.solid:
-            length, middle, angles = _axis(shape)
-            capsule = ET.Element("capsule", radius=_text(shape.radius), length=_text(length))
-            _place(element, "collision", capsule, middle, angles)
+            length, middle, angles = _segment_pose(shape)
+            capsule = ET.Element("capsule", radius=_numbers_text(shape.radius), length=_numbers_text(length))
+            _add_shape(element, "collision", capsule, middle, angles)
     return element
 
 
-def _seen(shape: Part | Box) -> list[tuple[ET.Element, Vector, Vector]]:
+def _visual_shapes(shape: Part | Box) -> list[tuple[ET.Element, Vector, Vector]]:
     """Return what draws a shape; not every viewer knows capsules."""
     if isinstance(shape, Box):
-        return [(ET.Element("box", size=_text(*shape.size)), shape.middle, ZERO)]
-    length, middle, angles = _axis(shape)
-    radius = _text(shape.radius)
-    cylinder = ET.Element("cylinder", radius=radius, length=_text(length))
+        return [(ET.Element("box", size=_numbers_text(*shape.size)), shape.middle, ZERO)]
+    length, middle, angles = _segment_pose(shape)
+    radius = _numbers_text(shape.radius)
+    cylinder = ET.Element("cylinder", radius=radius, length=_numbers_text(length))
     ends = [(ET.Element("sphere", radius=radius), end, ZERO) for end in (shape.a, shape.b)]
     return [(cylinder, middle, angles), *ends]
 
 
-def _axis(part: Part) -> tuple[float, Vector, Vector]:
+def _segment_pose(part: Part) -> tuple[float, Vector, Vector]:
     """Return the length and middle of a capsule's segment, and the angles that turn z along it."""
     dx, dy, dz = (b - a for a, b in zip(part.a, part.b, strict=True))
     length = math.hypot(dx, dy, dz)
@@ -253,27 +253,27 @@ def _axis(part: Part) -> tuple[float, Vector, Vector]:
     return length, (x, y, z), (0.0, math.atan2(math.hypot(dx, dy), dz), math.atan2(dy, dx))
 
 
-def _place(link: ET.Element, tag: str, shape: ET.Element, middle: Vector, angles: Vector) -> ET.Element:
+def _add_shape(link: ET.Element, tag: str, shape: ET.Element, middle: Vector, angles: Vector) -> ET.Element:
     element = ET.SubElement(link, tag)
-    ET.SubElement(element, "origin", xyz=_text(*middle), rpy=_text(*angles))
+    ET.SubElement(element, "origin", xyz=_numbers_text(*middle), rpy=_numbers_text(*angles))
     ET.SubElement(element, "geometry").append(shape)
     return element
 
 
-def _joint(joint: Joint, parent: str, child: str) -> ET.Element:
+def _joint_element(joint: Joint, parent: str, child: str) -> ET.Element:
     element = ET.Element("joint", name=joint.name, type=joint.kind)
     ET.SubElement(element, "parent", link=parent)
     ET.SubElement(element, "child", link=child)
-    ET.SubElement(element, "origin", xyz=_text(*joint.xyz), rpy=_text(*joint.rpy))
+    ET.SubElement(element, "origin", xyz=_numbers_text(*joint.xyz), rpy=_numbers_text(*joint.rpy))
     if joint.kind != "fixed":
-        ET.SubElement(element, "axis", xyz=_text(*joint.axis))
+        ET.SubElement(element, "axis", xyz=_numbers_text(*joint.axis))
     if joint.kind in {"prismatic", "revolute"}:
-        lower, upper, velocity = (_text(number) for number in (joint.lower, joint.upper, joint.velocity))
+        lower, upper, velocity = (_numbers_text(number) for number in (joint.lower, joint.upper, joint.velocity))
         ET.SubElement(element, "limit", lower=lower, upper=upper, velocity=velocity, effort="100")
     return element
 
 
-def _text(*numbers: float) -> str:
+def _numbers_text(*numbers: float) -> str:
     return " ".join(f"{round(number, 12) + 0.0:.12g}" for number in numbers)
 
 
