@@ -117,8 +117,8 @@ def compare(
     if bootstrap < 0 or bootstrap == 1:
         raise HrclogError(f"the number of bootstrap draws is {bootstrap}, expected at least 2, or 0 for no intervals")
     if (a.estimator, a.outliers) != (b.estimator, b.outliers):
-        found = " and ".join(f"{side.estimator} with outliers {side.outliers}" for side in (a, b))
-        raise HrclogError(f"the sides were analysed by {found}, expected the same for both; analyse them alike")
+        methods = " and ".join(f"{side.estimator} with outliers {side.outliers}" for side in (a, b))
+        raise HrclogError(f"the sides were analysed by {methods}, expected the same for both; analyse them alike")
     _check_apart(a, b)
     first, second = _side(a, "A"), _side(b, "B")
     draws_a, draws_b = (draw_runs(side.run_ids, bootstrap, seed) for side in (first, second))
@@ -128,7 +128,7 @@ def compare(
 
     pairs_a, pairs_b = (side_synergies(side.synergies, side.observations) for side in (a, b))
     drawn: list[pl.DataFrame | None] = [None, None]
-    if bootstrap and all(len(side.observations.runs) > 1 for side in (a, b)) and _some_in_common(pairs_a, pairs_b):
+    if bootstrap and all(len(side.observations.runs) > 1 for side in (a, b)) and _have_common_pair(pairs_a, pairs_b):
         drawn = [
             draw_synergies(side.observations, a.estimator, a.outliers, bootstrap, seed, workers, on_draws)
             for side in (a, b)
@@ -142,7 +142,7 @@ def compare(
         plan=means(plan_totals, schemas.PLAN),
         synergies=compare_synergies(pairs_a, pairs_b, drawn[0], drawn[1], bootstrap),
         notes=tuple(_notes(a, b, first, second, bootstrap)),
-        diagnostics=[*_told(a, "A"), *_told(b, "B")],
+        diagnostics=[*_side_diagnostics(a, "A"), *_side_diagnostics(b, "B")],
         estimator=a.estimator,
         outliers=a.outliers,
         bootstrap=bootstrap,
@@ -153,32 +153,33 @@ def compare(
 def _side(analysis: Analysis, name: str) -> Side:
     runs, agents = (analysis.intervals[column].unique().sort().to_list() for column in ("run_id", "agent"))
     if not runs:
-        found = f"{counted(analysis.runs.height, 'run')} without an execution" if analysis.runs.height else "no runs"
-        raise HrclogError(f"side {name}: found {found}, expected at least one with executions; name other logs")
+        contents = f"{counted(analysis.runs.height, 'run')} without an execution" if analysis.runs.height else "no runs"
+        raise HrclogError(f"side {name}: found {contents}, expected at least one with executions; name other logs")
     return Side(tuple(runs), tuple(agents))
 
 
 def _check_apart(a: Analysis, b: Analysis) -> None:
-    both = a.runs.join(b.runs.select("run_id", pl.col("path").alias("other")), on="run_id").sort("run_id")
-    if both.is_empty():
+    shared = a.runs.join(b.runs.select("run_id", pl.col("path").alias("other")), on="run_id").sort("run_id")
+    if shared.is_empty():
         return
-    one = both.row(0, named=True)
-    more = f", and {counted(both.height - 1, 'more is', 'more are')}" if both.height > 1 else ""
+    run = shared.row(0, named=True)
+    more = f", and {counted(shared.height - 1, 'more is', 'more are')}" if shared.height > 1 else ""
     raise HrclogError(
-        f"run {one['name']!r} ({one['run_id']}) is on both sides, in {one['path']} and {one['other']}{more}; expected "
+        f"run {run['name']!r} ({run['run_id']}) is on both sides, in {run['path']} and {run['other']}{more}; expected "
         "each run on one side, as intervals take the sides for independent; leave it out of one"
     )
 
 
-def _some_in_common(a: pl.DataFrame, b: pl.DataFrame) -> bool:
+def _have_common_pair(a: pl.DataFrame, b: pl.DataFrame) -> bool:
     known = pl.col("synergy").is_not_null()
     return a.filter(known).join(b.filter(known), on=PAIR, how="semi").height > 0
 
 
-def _told(analysis: Analysis, name: str) -> list[Diagnostic]:
+def _side_diagnostics(analysis: Analysis, name: str) -> list[Diagnostic]:
     """Return the findings of a side; those that name no file name the side."""
     return [
-        found if found.path else replace(found, message=f"{name}: {found.message}") for found in analysis.diagnostics
+        diagnostic if diagnostic.path else replace(diagnostic, message=f"{name}: {diagnostic.message}")
+        for diagnostic in analysis.diagnostics
     ]
 
 

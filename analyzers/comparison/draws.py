@@ -75,8 +75,8 @@ def percentile_interval(values: FloatArray) -> tuple[FloatArray, FloatArray]:
         Two arrays of shape (rows,), NaN where fewer than half of the draws say something.
     """
     low, high = np.full((2, values.shape[1]), np.nan)
-    told = (~np.isnan(values)).sum(axis=0)
-    enough = (told >= 2) & (2 * told >= len(values))
+    n_values = (~np.isnan(values)).sum(axis=0)
+    enough = (n_values >= 2) & (2 * n_values >= len(values))
     if enough.any():
         low[enough], high[enough] = np.nanquantile(values[:, enough], [0.025, 0.975], axis=0)
     return low, high

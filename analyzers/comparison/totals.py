@@ -25,7 +25,7 @@ def duration_totals(intervals: pl.DataFrame) -> pl.DataFrame:
         intervals: a frame of schema `INTERVALS`.
     """
     length = pl.col("end_ns") - pl.col("start_ns")
-    return _seconds(_primary(intervals).filter(_succeeded()), ["agent", "task"], length)
+    return _seconds(_primary_intervals(intervals).filter(_is_success()), ["agent", "task"], length)
 
 
 def success_totals(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -34,8 +34,8 @@ def success_totals(intervals: pl.DataFrame) -> pl.DataFrame:
     Args:
         intervals: a frame of schema `INTERVALS`.
     """
-    judged = _primary(intervals).filter(_succeeded() | pl.col("outcome").is_in(_FAILED))
-    return _totals(judged, ["agent", "task"], _succeeded().cast(pl.Int64))
+    judged = _primary_intervals(intervals).filter(_is_success() | pl.col("outcome").is_in(_FAILED))
+    return _totals(judged, ["agent", "task"], _is_success().cast(pl.Int64))
 
 
 def plan_totals(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -48,7 +48,7 @@ def plan_totals(intervals: pl.DataFrame) -> pl.DataFrame:
         intervals: a frame of schema `INTERVALS`.
     """
     started = intervals.filter(top_level())
-    ended = started.filter(_succeeded())
+    ended = started.filter(_is_success())
     planned = pl.col("planned_end_ns") - pl.col("planned_start_ns")
     actual = pl.col("end_ns") - pl.col("start_ns")
     measures = (
@@ -97,9 +97,9 @@ def _totals(rows: pl.DataFrame, keys: list[str], value: pl.Expr) -> pl.DataFrame
     )
 
 
-def _primary(intervals: pl.DataFrame) -> pl.DataFrame:
+def _primary_intervals(intervals: pl.DataFrame) -> pl.DataFrame:
     return intervals.filter(pl.col("role") != Role.AUXILIARY.value)
 
 
-def _succeeded() -> pl.Expr:
+def _is_success() -> pl.Expr:
     return (pl.col("outcome") == Outcome.SUCCEEDED.value) & pl.col("end_ns").is_not_null()

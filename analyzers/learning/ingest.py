@@ -55,8 +55,8 @@ def ingest_logs(
         KnowledgeError: the database fails.
     """
     logs = read_logs(paths, on_file=on_file)
-    found = ingest(kb, logs.events, _conflicting(logs))
-    return replace(found, diagnostics=[*logs.diagnostics, *found.diagnostics])
+    ingested = ingest(kb, logs.events, _conflicting_ids(logs))
+    return replace(ingested, diagnostics=[*logs.diagnostics, *ingested.diagnostics])
 
 
 def ingest_events(kb: KnowledgeBase, events: Iterable[Event]) -> Ingested:
@@ -76,17 +76,17 @@ def ingest(kb: KnowledgeBase, events: pl.DataFrame, left_out: Iterable[str] = ()
         KnowledgeError: the database fails.
     """
     events = in_order(events.filter(~pl.col("run_id").is_in(list(left_out))))
-    found = versions(events)
+    run_versions = versions(events)
     with kb.view() as view:
-        known = {run: Version(*version) for run, version in view.versions(list(found)).items()}
-    newer = {run: version for run, version in found.items() if version.supersedes(known.get(run))}
+        known_versions = {run: Version(*version) for run, version in view.versions(list(run_versions)).items()}
+    newer = {run: version for run, version in run_versions.items() if version.supersedes(known_versions.get(run))}
     part = events.filter(pl.col("run_id").is_in(list(newer)))
     intervals, illegal = rebuild_intervals(part)
-    done = {run.run_id: kb.put(run) for run in run_records(part, intervals, newer)}
+    changes = {run.run_id: kb.put(run) for run in run_records(part, intervals, newer)}
     return Ingested(
-        [run for run, what in done.items() if what == "added"],
-        [run for run, what in done.items() if what == "replaced"],
-        [run for run in found if done.get(run, "unchanged") == "unchanged"],
+        [run for run, change in changes.items() if change == "added"],
+        [run for run, change in changes.items() if change == "replaced"],
+        [run for run in run_versions if changes.get(run, "unchanged") == "unchanged"],
         illegal,
     )
 
@@ -128,7 +128,7 @@ def rebuild(
         KnowledgeError: the database fails; nothing has changed then.
     """
     logs = read_logs(paths, on_file=on_file)
-    records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting(logs))))
+    records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting_ids(logs))))
     lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
     if lost and loses_data(logs.diagnostics):
         which = counted(len(lost), "of its runs is", "of its runs are")
@@ -153,24 +153,28 @@ def _records(events: pl.DataFrame) -> tuple[list[RunRecord], list[Diagnostic]]:
     return run_records(events, intervals, versions(events)), illegal
 
 
-def _conflicting(logs: Logs) -> list[str]:
+def _conflicting_ids(logs: Logs) -> list[str]:
     """Return the ids that two different runs carry: nothing can be learnt from a mixture."""
-    return sorted({found.run_id for found in logs.diagnostics if found.code == "conflicting_runs"})
+    return sorted({diagnostic.run_id for diagnostic in logs.diagnostics if diagnostic.code == "conflicting_runs"})
 
 
 def _method(kb: KnowledgeBase, estimator: str | None, outliers: str | None) -> Method:
-    made = kb.statistics()
-    by = ESTIMATORS[estimator] if estimator else _former(kb, made.estimator if made else DEFAULT_ESTIMATOR)
-    left_out = OUTLIER_METHODS[outliers or (made.outliers if made else OUTLIER_METHODS.default)].name
+    statistics = kb.statistics()
+    chosen_estimator = (
+        ESTIMATORS[estimator]
+        if estimator
+        else _former_estimator(kb, statistics.estimator if statistics else DEFAULT_ESTIMATOR)
+    )
+    left_out = OUTLIER_METHODS[outliers or (statistics.outliers if statistics else OUTLIER_METHODS.default)].name
 
     def teach(intervals: pl.DataFrame) -> Taught:
-        learnt = learn(intervals, by.name, left_out)
+        learnt = learn(intervals, chosen_estimator.name, left_out)
         return Taught(learnt.durations, learnt.synergies, learnt.times)
 
-    return Method(ESTIMATORS.reference(by.name), by.version, left_out, teach)
+    return Method(ESTIMATORS.reference(chosen_estimator.name), chosen_estimator.version, left_out, teach)
 
 
-def _former(kb: KnowledgeBase, estimator: str) -> Estimator:
+def _former_estimator(kb: KnowledgeBase, estimator: str) -> Estimator:
     """Return the estimator that statistics were made with.
 
     Raises:
@@ -179,5 +183,5 @@ def _former(kb: KnowledgeBase, estimator: str) -> Estimator:
     try:
         return ESTIMATORS[estimator]
     except PluginError as error:
-        found = f"its statistics were made by estimator {estimator!r}, which is not there ({error})"
-        raise KnowledgeError(kb.where, found, "register it, or choose another with --estimator") from error
+        complaint = f"its statistics were made by estimator {estimator!r}, which is not there ({error})"
+        raise KnowledgeError(kb.where, complaint, "register it, or choose another with --estimator") from error

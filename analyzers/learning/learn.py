@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.projections.durations import durations
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.estimator import estimate
 from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS
@@ -51,16 +51,16 @@ def learn(intervals: pl.DataFrame, estimator: str = DEFAULT_ESTIMATOR, outliers:
         outliers: which executions it leaves out.
     """
     observations = observe(intervals)
-    made_by = ESTIMATORS[estimator]
-    fit = estimate(made_by, observations, outliers)
+    chosen_estimator = ESTIMATORS[estimator]
+    fit = estimate(chosen_estimator, observations, outliers)
     summary = durations(intervals)
-    failed = _failed(intervals)
+    failures = _failure_rates(intervals)
     times = {}
-    planned = made_by.for_planning(fit, observations, outliers)
+    planned = chosen_estimator.for_planning(fit, observations, outliers)
     for key, time in _times(planned, summary).items():
-        rate, failed_s = failed.get(key, (0.0, 0.0))
+        rate, failed_s = failures.get(key, (0.0, 0.0))
         times[key] = replace(time, failure_rate=rate, failed_s=failed_s)
-    return Learnt(made_by.name, outliers, summary, fit.synergies, TaskTimes(times, gaps(intervals)))
+    return Learnt(chosen_estimator.name, outliers, summary, fit.synergies, TaskTimes(times, gaps(intervals)))
 
 
 def gaps(intervals: pl.DataFrame) -> dict[str, Gap]:
@@ -72,31 +72,31 @@ def gaps(intervals: pl.DataFrame) -> dict[str, Gap]:
     Args:
         intervals: a frame of schema `INTERVALS`.
     """
-    rows = intervals.filter(counted()).sort("run_id", "agent", "start_ns", "until_ns", "task", "execution_id")
+    rows = intervals.filter(is_counted()).sort("run_id", "agent", "start_ns", "until_ns", "task", "execution_id")
     free = pl.col("until_ns").shift(1).over("run_id", "agent")
-    could = pl.when(free.is_not_null()).then(pl.max_horizontal(free, "planned_start_ns"))
-    gap = (pl.col("start_ns") - pl.coalesce("dispatched_ns", could)).clip(0) / 1e9
-    found = (
+    could_start = pl.when(free.is_not_null()).then(pl.max_horizontal(free, "planned_start_ns"))
+    gap = (pl.col("start_ns") - pl.coalesce("dispatched_ns", could_start)).clip(0) / 1e9
+    gap_rows = (
         rows.select("agent", gap.alias("gap_s"))
         .drop_nulls()
         .sort("agent", "gap_s")
         .group_by("agent", maintain_order=True)
         .agg(pl.col("gap_s").mean().alias("mean"), pl.col("gap_s").std().fill_null(0.0).alias("std"), pl.len())
     )
-    return {agent: Gap(agent, mean, std, n) for agent, mean, std, n in found.iter_rows()}
+    return {agent: Gap(agent, mean, std, n) for agent, mean, std, n in gap_rows.iter_rows()}
 
 
-def _failed(intervals: pl.DataFrame) -> dict[AgentTask, tuple[float, float]]:
+def _failure_rates(intervals: pl.DataFrame) -> dict[AgentTask, tuple[float, float]]:
     """Return of each (agent, task) the part of its attempts that fails, and how long such a one takes."""
     failed = pl.col("outcome").is_in([Outcome.FAILED.value, Outcome.TIMED_OUT.value])
     seconds = (pl.col("until_ns") - pl.col("start_ns")) / 1e9
-    found = (
-        intervals.filter(counted(), failed | (pl.col("outcome") == Outcome.SUCCEEDED.value))
+    rates = (
+        intervals.filter(is_counted(), failed | (pl.col("outcome") == Outcome.SUCCEEDED.value))
         .group_by("agent", "task")
         .agg(failed.mean().alias("rate"), seconds.filter(failed).sort().mean().alias("failed_s"))
         .filter(pl.col("rate").is_between(0, 1, closed="none"))
     )
-    return {(agent, task): (rate, seconds) for agent, task, rate, seconds in found.iter_rows()}
+    return {(agent, task): (rate, seconds) for agent, task, rate, seconds in rates.iter_rows()}
 
 
 def _times(fit: Fit, summary: pl.DataFrame) -> dict[AgentTask, TaskTime]:
@@ -132,8 +132,8 @@ def _covariance(key: AgentTask, factors: tuple[Factor, ...], sigma: float, n: in
     for covariance in fit.covariances:
         if set(covariance.parameters) == set(names) and np.isfinite(covariance.matrix).all():
             order = [covariance.parameters.index(name) for name in names]
-            found: FloatArray = covariance.matrix[np.ix_(order, order)]
-            return found
+            matrix: FloatArray = covariance.matrix[np.ix_(order, order)]
+            return matrix
     return np.diag([sigma**2 / max(n, 1), 0.5 / max(n, 1), *_variances(key, factors, rows)])
 
 

@@ -1,4 +1,4 @@
-"""Widths that hold within a session: how far held-out executions were from what was fitted without their run.
+"""Prediction widths that hold within a session, from the residuals of executions whose run was held out of the fit.
 
 Conformal prediction (Vovk, Gammerman and Shafer 2005) with cross-validated residuals by run (Barber et al. 2021).
 """
@@ -22,7 +22,7 @@ from hrclog.arrays import FloatArray
 
 FOLDS: Final = 5
 FEWEST: Final = 19
-"""With fewer residuals, of which the 95 % quantile is none of a new draw, a task keeps what was fitted."""
+"""With fewer residuals their 95 % quantile is not that of a new draw, and a task keeps the fitted distribution."""
 
 _SEED: Final = 0
 
@@ -39,9 +39,11 @@ def conformal(estimator: Estimator, fit: Fit, observations: Observations, outlie
     residuals = held_out_residuals(estimator, observations, outliers)
     models = dict(fit.models)
     for key, model in fit.models.items():
-        found = residuals.get(key)
-        if found is not None and len(found) >= FEWEST:
-            models[key] = replace(model, log_work=SampledLogWork(model.log_work.center + found, conformal=True))
+        task_residuals = residuals.get(key)
+        if task_residuals is not None and len(task_residuals) >= FEWEST:
+            models[key] = replace(
+                model, log_work=SampledLogWork(model.log_work.center + task_residuals, conformal=True)
+            )
     return replace(fit, models=models)
 
 
@@ -49,12 +51,12 @@ def held_out_residuals(
     estimator: Estimator, observations: Observations, outliers: Outliers = "none"
 ) -> dict[AgentTask, FloatArray]:
     """Return log W - mu of each task's successful executions, both from a fit without their run."""
-    found: dict[AgentTask, list[FloatArray]] = {}
+    residuals: dict[AgentTask, list[FloatArray]] = {}
     for held_out in folds(observations.runs, FOLDS, _SEED):
         models = estimate(estimator, observations.without(held_out), outliers).models
         for data in exposures(observations.only(held_out)):
             model = models.get(data.key)
             if model is not None and data.finished.any():
                 log_work = np.log(data.work(data.log_factors(model.log_factors))[data.finished])
-                found.setdefault(data.key, []).append(log_work - model.log_work.center)
-    return {key: np.sort(np.concatenate(parts)) for key, parts in found.items()}
+                residuals.setdefault(data.key, []).append(log_work - model.log_work.center)
+    return {key: np.sort(np.concatenate(parts)) for key, parts in residuals.items()}

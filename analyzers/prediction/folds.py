@@ -16,6 +16,6 @@ def folds(runs: Iterable[str], count: int, seed: int) -> list[list[str]]:
         seed: of the deal.
     """
     ordered = sorted(runs)
-    dealt = np.random.default_rng(seed).permutation(len(ordered))
-    parts = [sorted(ordered[index] for index in dealt[part::count]) for part in range(count)]
+    shuffled = np.random.default_rng(seed).permutation(len(ordered))
+    parts = [sorted(ordered[index] for index in shuffled[part::count]) for part in range(count)]
     return [part for part in parts if part]

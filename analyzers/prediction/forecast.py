@@ -28,7 +28,7 @@ class Scored:
 
 
 def score_forecast(timeline: Timeline, log_work: LogWork, observed_s: float) -> Scored:
-    """Forecast a duration and hold it against what happened.
+    """Forecast a duration and score it against the observed one.
 
     The forecast's quantiles D_q solve W(D_q) = exp(q-quantile of log W).
 
@@ -37,8 +37,8 @@ def score_forecast(timeline: Timeline, log_work: LogWork, observed_s: float) -> 
         log_work: how log W is distributed.
         observed_s: the duration that was observed.
     """
-    found = timeline.time_for(np.exp(log_work.quantile(_ALL)))
-    quantiles, (low, median, high) = found[: len(LEVELS)], found[len(LEVELS) :].tolist()
+    durations = timeline.time_for(np.exp(log_work.quantile(_ALL)))
+    quantiles, (low, median, high) = durations[: len(LEVELS)], durations[len(LEVELS) :].tolist()
     log_w = np.log(timeline.work_after(observed_s))
     density = float(log_work.log_density(np.array([log_w]))[0]) - log_w - timeline.log_factor_before(observed_s)
     return Scored(

@@ -49,15 +49,15 @@ def score(
         LogReadError: nothing matched, or no file could be read.
         HrclogError: there are too few runs, or a run is on both sides.
     """
-    known = _intervals(logs)
+    train = _read_intervals(logs)
     if test is None:
-        return summed_up(cross_validate(known, folds, seed, estimators, outliers))
-    unseen = _intervals(test)
+        return summed_up(cross_validate(train, folds, seed, estimators, outliers))
+    test_intervals = _read_intervals(test)
     if static:
-        return summed_up(predict_static(known, unseen, estimators, outliers, transfer_deviation))
-    return summed_up(predict_prequential(known, unseen, estimators, outliers))
+        return summed_up(predict_static(train, test_intervals, estimators, outliers, transfer_deviation))
+    return summed_up(predict_prequential(train, test_intervals, estimators, outliers))
 
 
-def _intervals(logs: Paths) -> pl.DataFrame:
+def _read_intervals(logs: Paths) -> pl.DataFrame:
     paths = [logs] if isinstance(logs, str | Path) else logs
     return rebuild(read_logs(paths).events)[0]

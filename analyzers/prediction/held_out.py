@@ -71,7 +71,7 @@ class HeldOut:
             model = model_of((agent, task), cell)
             if model is not None:
                 timeline = self.timelines.along(row, model.log_factors)
-                found = score_forecast(timeline, model.log_work, observed)
+                scored = score_forecast(timeline, model.log_work, observed)
                 yield (
                     estimator,
                     run,
@@ -79,13 +79,13 @@ class HeldOut:
                     task,
                     execution,
                     observed,
-                    found.mean_s,
-                    found.median_s,
-                    found.low_s,
-                    found.high_s,
-                    found.crps_s,
-                    found.interval_score_s,
-                    found.log_density,
+                    scored.mean_s,
+                    scored.median_s,
+                    scored.low_s,
+                    scored.high_s,
+                    scored.crps_s,
+                    scored.interval_score_s,
+                    scored.log_density,
                 )
 
     def makespan(

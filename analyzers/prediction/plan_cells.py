@@ -1,4 +1,4 @@
-"""Where in which plan an execution stands: the same plan, run again, repeats itself closely."""
+"""The place of an execution in its plan: the same plan, run again, repeats itself closely."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 
 _ITEM: Final = ("run_id", "agent", "item")
 
@@ -25,7 +25,7 @@ def plan_cells(intervals: pl.DataFrame) -> pl.DataFrame:
     """
     item = pl.when(pl.col("item_id") != "").then(pl.concat_str(pl.lit("i"), "item_id"))
     rows = (
-        intervals.filter(counted())
+        intervals.filter(is_counted())
         .sort("run_id", "agent", "start_ns", "until_ns", "task", "execution_id")
         .with_columns(item.otherwise(pl.concat_str(pl.lit("x"), "execution_id")).alias("item"))
     )

@@ -1,4 +1,4 @@
-"""How log work is distributed in the session that is under way, learnt from run to run.
+"""The distribution of log work in the current session, learnt from run to run.
 
 A session differs from those before it: other people, other plans. So per (agent, task) log W has a normal distribution
 of unknown mean and variance, with a normal-inverse-gamma belief that starts at the training runs, forgets, and learns
@@ -42,7 +42,7 @@ class Learning:
 
 @dataclass(slots=True)
 class _Belief:
-    """Normal-inverse-gamma: mean and variance with the weights of what is known of either."""
+    """Normal-inverse-gamma belief: mean and variance, and the weight of the evidence on each."""
 
     mean: float
     variance: float
@@ -58,10 +58,10 @@ class _Belief:
         self.freedom = max(kept * self.freedom, _LEAST_FREEDOM)
 
     def learn(self, value: float) -> None:
-        apart = value - self.mean
+        error = value - self.mean
         gain = 1 / (self.weight + 1)
-        self.variance = (self.freedom * self.variance + self.weight * gain * apart**2) / (self.freedom + 1)
-        self.mean += gain * apart
+        self.variance = (self.freedom * self.variance + self.weight * gain * error**2) / (self.freedom + 1)
+        self.mean += gain * error
         self.weight += 1
         self.freedom += 1
 
@@ -98,8 +98,8 @@ class Session:
             key: its (agent, task).
             cell: its place in its plan.
         """
-        known = self._cells.get((key, cell))
-        return (known or self._tasks[key]).predict(math.exp(self._log_width[known is not None]))
+        belief = self._cells.get((key, cell))
+        return (belief or self._tasks[key]).predict(math.exp(self._log_width[belief is not None]))
 
     def learn(self, run: Iterable[Observed]) -> None:
         """Learn from a run that has ended.
@@ -107,21 +107,23 @@ class Session:
         Args:
             run: its executions, each predicted from what was known before the run.
         """
-        observed = list(run)
-        missed = [((one.key, one.cell) in self._cells, self._missed(one)) for one in observed]
-        for known, outside in missed:
-            self._log_width[known] += self._learning.width_step * (outside - (1 - (HIGH - LOW)))
+        executions = list(run)
+        misses = [
+            ((execution.key, execution.cell) in self._cells, self._is_outside(execution)) for execution in executions
+        ]
+        for has_cell, outside in misses:
+            self._log_width[has_cell] += self._learning.width_step * (outside - (1 - (HIGH - LOW)))
         for belief in self._tasks.values():
             belief.forget(self._learning.kept, _LEAST_WEIGHT)
-        for one in observed:
-            place, task = (one.key, one.cell), self._tasks[one.key]
-            if place not in self._cells:
+        for execution in executions:
+            cell_key, task = (execution.key, execution.cell), self._tasks[execution.key]
+            if cell_key not in self._cells:
                 variance = self._learning.cell_share * task.variance
-                self._cells[place] = _Belief(task.mean, variance, _CELL_WEIGHT, _CELL_FREEDOM)
-            self._cells[place].forget(self._learning.kept, _LEAST_CELL_WEIGHT)
-            self._cells[place].learn(one.log_work)
-            task.learn(one.log_work)
+                self._cells[cell_key] = _Belief(task.mean, variance, _CELL_WEIGHT, _CELL_FREEDOM)
+            self._cells[cell_key].forget(self._learning.kept, _LEAST_CELL_WEIGHT)
+            self._cells[cell_key].learn(execution.log_work)
+            task.learn(execution.log_work)
 
-    def _missed(self, one: Observed) -> bool:
-        forecast = self.predict(one.key, one.cell)
-        return abs(one.log_work - forecast.center) > forecast.half_width(HIGH - LOW)
+    def _is_outside(self, execution: Observed) -> bool:
+        forecast = self.predict(execution.key, execution.cell)
+        return abs(execution.log_work - forecast.center) > forecast.half_width(HIGH - LOW)

@@ -1,4 +1,4 @@
-"""What the runs to predict were to do, each agent's items in order, and how long that is expected to take."""
+"""The plans of the runs to predict: each agent's items in order, and the expected makespan."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.search.encoded import Encoded, encode_queues
 from hrclog.analyzers.search.evaluate import evaluate
@@ -80,13 +80,13 @@ def run_plans(intervals: pl.DataFrame, cells: pl.DataFrame) -> dict[str, RunPlan
         intervals: a frame of schema `INTERVALS`.
         cells: each execution's cell, as `plan_cells` gives it.
     """
-    items = _items(intervals, cells)
+    items = _item_rows(intervals, cells)
     return {str(run): _run_plan(part) for (run,), part in items.group_by("run_id", maintain_order=True)}
 
 
-def _items(intervals: pl.DataFrame, cells: pl.DataFrame) -> pl.DataFrame:
+def _item_rows(intervals: pl.DataFrame, cells: pl.DataFrame) -> pl.DataFrame:
     """Return one row per item, in the order of each agent's items; instants since its run's start."""
-    rows = intervals.filter(counted()).join(cells, on=["run_id", "execution_id"])
+    rows = intervals.filter(is_counted()).join(cells, on=["run_id", "execution_id"])
     first = pl.col("start_ns").min().over("run_id")
     return (
         rows.with_columns(
@@ -107,12 +107,12 @@ def _run_plan(items: pl.DataFrame) -> RunPlan:
     encoded = encode_queues(tuple(parts), keys, [queues])
     not_before = np.zeros(encoded.task.shape)
     for place, part in enumerate(parts.values()):
-        not_before[0, place, : part.height] = _instants(part)
+        not_before[0, place, : part.height] = _earliest_starts_s(part)
     cells = tuple(tuple(part["cell"].to_list()) for part in parts.values())
     return RunPlan(replace(encoded, not_before_s=not_before), cells, float(items["end_s"].to_numpy().max()))
 
 
-def _instants(items: pl.DataFrame) -> FloatArray:
+def _earliest_starts_s(items: pl.DataFrame) -> FloatArray:
     """Return when each item of an agent may be begun."""
     instants = items["planned_s"].fill_null(0.0).to_numpy().copy()
     instants[0] = items["start_s"].to_numpy().min()

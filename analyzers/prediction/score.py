@@ -1,4 +1,4 @@
-"""How good predictions were: errors, proper scores and coverage, with what chance makes of their differences."""
+"""How good predictions were: errors, proper scores and coverage, with bootstrap intervals of their differences."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Score:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result."""
-        found: dict[str, Any] = {
+        result: dict[str, Any] = {
             "setting": self.setting,
             "estimators": self.estimators,
             "comparisons": self.comparisons,
@@ -52,7 +52,7 @@ class Score:
             "n_test_runs": self.n_test_runs,
             "n_executions": self.n_executions,
         }
-        return found | ({"truth": self.truth} if self.truth else {})
+        return result | ({"truth": self.truth} if self.truth else {})
 
     def to_json(self) -> str:
         """Return `to_dict` as JSON text."""
@@ -85,8 +85,8 @@ def score(predictions: Predictions) -> Score:
         | _makespan(predictions.makespans.filter(pl.col("estimator") == name))
         | _windows(per_run[name], predictions.setting)
         | {"calibrated": name in predictions.calibrated, "n": part.height}
-        | {"agents": {str(agent): _figures(rows) | {"n": rows.height} for (agent,), rows in _by(part, "agent")}}
-        for (name,), part in _by(rows, "estimator")
+        | {"agents": {str(agent): _figures(rows) | {"n": rows.height} for (agent,), rows in _group_by(part, "agent")}}
+        for (name,), part in _group_by(rows, "estimator")
     }
     names = list(estimators)
     return Score(
@@ -99,7 +99,7 @@ def score(predictions: Predictions) -> Score:
     )
 
 
-def _by(rows: pl.DataFrame, column: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
+def _group_by(rows: pl.DataFrame, column: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
     ordered = rows if column == "estimator" else rows.sort(column, maintain_order=True)
     yield from ordered.group_by(column, maintain_order=True)
 
@@ -136,8 +136,8 @@ def _per_run(rows: pl.DataFrame, runs: list[str]) -> dict[str, FloatArray]:
 
 def _draws(runs: int) -> FloatArray:
     """Return how often each run is drawn, shape (draws, runs)."""
-    chance = np.random.default_rng(_SEED)
-    return chance.multinomial(runs, np.full(runs, 1 / runs), _DRAWS).astype(np.float64)
+    generator = np.random.default_rng(_SEED)
+    return generator.multinomial(runs, np.full(runs, 1 / runs), _DRAWS).astype(np.float64)
 
 
 def _interval_of_crps(per_run: FloatArray) -> dict[str, Any]:
@@ -152,22 +152,22 @@ def _interval_of_crps(per_run: FloatArray) -> dict[str, Any]:
 
 def _comparison(first: str, other: str, per_run: dict[str, FloatArray]) -> dict[str, Any]:
     """Return 1 - CRPS of the first / CRPS of the other, with its 95 % interval by a bootstrap of runs."""
-    own, theirs = per_run[first], per_run[other]
+    first_sums, other_sums = per_run[first], per_run[other]
 
     def reduction(weights: FloatArray) -> FloatArray:
-        a, b = weights @ own, weights @ theirs
+        a, b = weights @ first_sums, weights @ other_sums
         return 1 - _ratio(a[:, 0] * b[:, 2], b[:, 0] * a[:, 2])
 
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "estimator": first,
         "other": other,
-        "crps_reduction": float(reduction(np.ones((1, len(own))))[0]),
+        "crps_reduction": float(reduction(np.ones((1, len(first_sums))))[0]),
         "low": None,
         "high": None,
     }
-    if len(own) > 1:
-        found["low"], found["high"] = np.quantile(reduction(_draws(len(own))), (0.025, 0.975)).tolist()
-    return found
+    if len(first_sums) > 1:
+        result["low"], result["high"] = np.quantile(reduction(_draws(len(first_sums))), (0.025, 0.975)).tolist()
+    return result
 
 
 def _ratio(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -22,8 +22,8 @@ def crps(quantiles: FloatArray, observed: float) -> float:
         quantiles: at `LEVELS`, shape (100,).
         observed: what happened.
     """
-    apart = observed - quantiles
-    return 2 * float(np.where(apart >= 0, LEVELS * apart, (LEVELS - 1) * apart).mean())
+    error = observed - quantiles
+    return 2 * float(np.where(error >= 0, LEVELS * error, (LEVELS - 1) * error).mean())
 
 
 def interval_score(low: float, high: float, observed: float) -> float:

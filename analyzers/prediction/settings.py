@@ -111,9 +111,9 @@ def cross_validate(
             calibrated[name] &= all(isinstance(model.log_work, SampledLogWork) for model in fitted.values())
             _predict(rows, held_out, part, name, fitted, gaps_s)
             on_step()
-    fewest = len(runs) - max(len(part) for part in parts)
-    kept = tuple(name for name, widened_all in calibrated.items() if widened_all)
-    return _predictions("cv", rows, held_out, estimators, fewest, kept)
+    n_train = len(runs) - max(len(part) for part in parts)
+    calibrated_names = tuple(name for name, widened_all in calibrated.items() if widened_all)
+    return _predictions("cv", rows, held_out, estimators, n_train, calibrated_names)
 
 
 def predict_static(
@@ -204,9 +204,9 @@ def models(observations: Observations, estimator: str, outliers: Outliers = "non
         estimator: its name.
         outliers: which executions it leaves out.
     """
-    made_by = scored(estimator)
-    fit = estimate(made_by, observations, outliers)
-    return (conformal(made_by, fit, observations, outliers) if made_by.conformal else fit).models
+    chosen_estimator = scored(estimator)
+    fit = estimate(chosen_estimator, observations, outliers)
+    return (conformal(chosen_estimator, fit, observations, outliers) if chosen_estimator.conformal else fit).models
 
 
 def _predict(
@@ -243,12 +243,12 @@ def _predict_in_order(
     for run in held_out.runs:
         rows.executions += held_out.forecasts(name, run, model_of)
         rows.makespans += held_out.makespan(name, run, model_of, means_s)
-        session.learn(_observed(held_out, run, fitted))
+        session.learn(_observe_run(held_out, run, fitted))
         for agent, gap_s in gaps_of[run].items():
             means_s[agent] = _GAPS_KEPT * means_s.get(agent, gap_s) + (1 - _GAPS_KEPT) * gap_s
 
 
-def _observed(held_out: HeldOut, run: str, fitted: Mapping[AgentTask, TaskModel]) -> Iterator[Observed]:
+def _observe_run(held_out: HeldOut, run: str, fitted: Mapping[AgentTask, TaskModel]) -> Iterator[Observed]:
     for row, _, agent, task, _, cell, duration_s in held_out.of(run).iter_rows():
         model = fitted.get((agent, task))
         if model:
@@ -271,8 +271,8 @@ def _predictions(
     order = pl.DataFrame({"run_id": held_out.runs}, schema={"run_id": pl.String}).with_row_index("run_order")
     names = pl.DataFrame({"estimator": list(dict.fromkeys(estimators))}).with_row_index("name_order")
 
-    def ordered(found: list[tuple[Any, ...]], schema: pl.Schema) -> pl.DataFrame:
-        frame = pl.DataFrame(found, schema=schema, orient="row").join(order, on="run_id", maintain_order="left")
+    def ordered(tuples: list[tuple[Any, ...]], schema: pl.Schema) -> pl.DataFrame:
+        frame = pl.DataFrame(tuples, schema=schema, orient="row").join(order, on="run_id", maintain_order="left")
         frame = frame.join(names, on="estimator", maintain_order="left")
         return frame.sort("name_order", "run_order", maintain_order=True).select(schema.names())
 

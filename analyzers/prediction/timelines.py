@@ -1,4 +1,4 @@
-"""The others' timelines from the start of an execution on, and what work takes along them.
+"""The other agents' timelines from the start of an execution on, and how long work takes along them.
 
 W(D), the work done after D seconds, is piecewise linear: within a segment its slope is the product of 1 / s over what
 the others do. Beyond the last segment the others are taken to idle.
@@ -43,8 +43,8 @@ class Timeline:
 
     def time_for(self, work_s: FloatArray) -> FloatArray:
         """Return the durations in seconds after which some work is done, shape as given."""
-        found: FloatArray = np.interp(work_s, self.work_s, self.time_s) + np.maximum(work_s - self.work_s[-1], 0.0)
-        return found
+        durations: FloatArray = np.interp(work_s, self.work_s, self.time_s) + np.maximum(work_s - self.work_s[-1], 0.0)
+        return durations
 
     def log_factor_before(self, duration_s: float) -> float:
         """Return the log factor just before an instant."""
@@ -61,7 +61,7 @@ class Timelines:
     """
 
     def __init__(self, executions: pl.DataFrame, intervals: pl.DataFrame) -> None:
-        self._cut = _ahead(executions, intervals)
+        self._cut = _segments_ahead(executions, intervals)
         self._first = np.searchsorted(self._cut.row, np.arange(executions.height + 1))
 
     def along(self, row: int, log_factors: Mapping[AgentTask, float]) -> Timeline:
@@ -75,13 +75,13 @@ class Timelines:
         return Timeline(time, work, factor)
 
 
-def _ahead(executions: pl.DataFrame, intervals: pl.DataFrame) -> Segments:
+def _segments_ahead(executions: pl.DataFrame, intervals: pl.DataFrame) -> Segments:
     start: IntArray = executions["start_ns"].to_numpy()
     longest = (pl.col("until_ns") - pl.col("start_ns")).max().clip(upper_bound=_FOREVER // _HORIZON)
     runs = intervals.group_by("run_id").agg(
         pl.col("until_ns").max().alias("last_ns"),
         pl.when(pl.len() > _VERY_LONG).then(_HORIZON * longest).otherwise(_FOREVER).alias("reach_ns"),
     )
-    own = executions.select("run_id").join(runs, on="run_id", how="left", maintain_order="left")
-    ahead = np.minimum(own["last_ns"].to_numpy() - start, own["reach_ns"].to_numpy())
+    run_ends = executions.select("run_id").join(runs, on="run_id", how="left", maintain_order="left")
+    ahead = np.minimum(run_ends["last_ns"].to_numpy() - start, run_ends["reach_ns"].to_numpy())
     return segments(executions, intervals, start + ahead)

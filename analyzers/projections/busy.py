@@ -48,8 +48,8 @@ class BusyTime:
 
 def busy_times(intervals: pl.DataFrame) -> dict[str, dict[str, BusyTime]]:
     """Return run -> agent -> busy time, over all executions that are no step of another."""
-    found: dict[str, dict[str, BusyTime]] = {}
+    busy_of_run: dict[str, dict[str, BusyTime]] = {}
     for (run, agent), rows in intervals.filter(top_level()).group_by("run_id", "agent", maintain_order=True):
         busy = BusyTime(rows["start_ns"].to_numpy(), rows["until_ns"].to_numpy())
-        found.setdefault(str(run), {})[str(agent)] = busy
-    return found
+        busy_of_run.setdefault(str(run), {})[str(agent)] = busy
+    return busy_of_run

@@ -40,7 +40,7 @@ def critical_path(intervals: pl.DataFrame, precedences: Iterable[Precedence] = (
         before.setdefault(second, []).append(first)
         after.setdefault(first, []).append(second)
     rows = intervals.filter(top_level()).sort(SORT)
-    parts = [_scheduled(part, before, after) for _, part in rows.group_by("run_id", maintain_order=True)]
+    parts = [_schedule_run(part, before, after) for _, part in rows.group_by("run_id", maintain_order=True)]
     return pl.concat([pl.DataFrame(schema=CRITICAL_PATH), *parts])
 
 
@@ -53,7 +53,7 @@ def critical_path_lengths(schedule: pl.DataFrame) -> dict[str, int]:
     return dict(schedule.group_by("run_id").agg(pl.col("earliest_end_ns").max()).iter_rows())
 
 
-def _scheduled(part: pl.DataFrame, before: dict[str, list[str]], after: dict[str, list[str]]) -> pl.DataFrame:
+def _schedule_run(part: pl.DataFrame, before: dict[str, list[str]], after: dict[str, list[str]]) -> pl.DataFrame:
     """Lay out one run's rows; they come sorted, and time 0 is the first start."""
     start, end = part["start_ns"].to_numpy(), part["until_ns"].to_numpy()
     agents, items = part["agent"].to_list(), part["item_id"].to_list()
@@ -113,18 +113,18 @@ class _Chains:
 
     def until(self, time_ns: int) -> int:
         """Return the length of the longest chain that ended at or before an instant, 0 without one."""
-        found = bisect_right(self._ends, time_ns)
-        return self._lengths[found - 1] if found else 0
+        index = bisect_right(self._ends, time_ns)
+        return self._lengths[index - 1] if index else 0
 
     def add(self, end_ns: int, length: int) -> None:
         """Take a chain in."""
-        at = bisect_right(self._ends, end_ns)
-        if at and self._lengths[at - 1] >= length:
+        index = bisect_right(self._ends, end_ns)
+        if index and self._lengths[index - 1] >= length:
             return
-        beaten = at
+        beaten = index
         while beaten < len(self._lengths) and self._lengths[beaten] <= length:
             beaten += 1
-        if at and self._ends[at - 1] == end_ns:
-            at -= 1
-        self._ends[at:beaten] = [end_ns]
-        self._lengths[at:beaten] = [length]
+        if index and self._ends[index - 1] == end_ns:
+            index -= 1
+        self._ends[index:beaten] = [end_ns]
+        self._lengths[index:beaten] = [length]

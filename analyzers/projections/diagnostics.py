@@ -8,7 +8,7 @@ from typing import Final
 import polars as pl
 
 from hrclog import wording
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.overlaps import MOST_PAIRS, pair_count, task_counts
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import UNKNOWN_OUTCOME, Outcome
@@ -113,7 +113,7 @@ def _self_overlaps(overlaps: pl.DataFrame, runs: pl.DataFrame) -> list[Diagnosti
 
 
 def _single_outcome(intervals: pl.DataFrame) -> list[Diagnostic]:
-    rows = intervals.filter(counted())
+    rows = intervals.filter(is_counted())
     if rows.height < _ENOUGH_TO_EXPECT_A_FAILURE or (rows["outcome"] != Outcome.SUCCEEDED.value).any():
         return []
     text = f"all {rows.height} executions succeeded: failures may have been removed before we saw them"

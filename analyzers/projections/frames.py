@@ -1,4 +1,4 @@
-"""Which frame a public function expects, and what to say when it is given something else."""
+"""The frames that public functions expect, and the error message for anything else."""
 
 from __future__ import annotations
 
@@ -51,19 +51,19 @@ def check_frame(frame: object, kind: FrameKind) -> None:
         HrclogError: says what was found, what was expected, and what makes such a frame.
     """
     if not isinstance(frame, pl.DataFrame):
-        raise _error(kind, _called(frame, kind))
+        raise _error(kind, _describe_value(frame, kind))
     schema = frame.schema
     if any(schema.get(name) != dtype for name, dtype in kind.schema.items()):
-        raise _error(kind, f"{_guessed(schema)} {' and '.join(_differences(schema, kind.schema))}")
+        raise _error(kind, f"{_guess_kind(schema)} {' and '.join(_differences(schema, kind.schema))}")
 
 
-def _error(kind: FrameKind, found: str) -> HrclogError:
+def _error(kind: FrameKind, description: str) -> HrclogError:
     expected = f"a polars DataFrame with the columns of {kind.name} ({kind.page})"
-    return HrclogError(f"{kind.name}: found {found}, expected {expected}; {kind.made_by} makes one")
+    return HrclogError(f"{kind.name}: found {description}, expected {expected}; {kind.made_by} makes one")
 
 
-def _called(value: object, kind: FrameKind) -> str:
-    """Return what somebody would call a value that is no DataFrame of polars, and how to make one of it."""
+def _describe_value(value: object, kind: FrameKind) -> str:
+    """Describe a value that is no polars DataFrame, and how to make one of it."""
     if value is None:
         return "None"
     if isinstance(value, str | PurePath):
@@ -73,12 +73,14 @@ def _called(value: object, kind: FrameKind) -> str:
     package = type(value).__module__.partition(".")[0]
     if package == "pandas":
         return f"a pandas {type(value).__name__} (polars.from_pandas makes a DataFrame)"
-    own = isinstance(getattr(value, kind.name, None), pl.DataFrame)  # logs hold events, an analysis intervals too
-    return f"a value of type {type(value).__name__}{f' (its .{kind.name} is such a frame)' if own else ''}"
+    holds_frame = isinstance(
+        getattr(value, kind.name, None), pl.DataFrame
+    )  # logs hold events, an analysis intervals too
+    return f"a value of type {type(value).__name__}{f' (its .{kind.name} is such a frame)' if holds_frame else ''}"
 
 
-def _guessed(schema: pl.Schema) -> str:
-    """Return what a frame seems to hold."""
+def _guess_kind(schema: pl.Schema) -> str:
+    """Guess which kind of frame a schema belongs to."""
     kinds = [name for name, known in _KNOWN.items() if known.keys() <= schema.keys()]
     return f"a frame of {kinds[0]}" if kinds else "a frame"
 
@@ -86,17 +88,17 @@ def _guessed(schema: pl.Schema) -> str:
 def _differences(schema: pl.Schema, expected: pl.Schema) -> Iterator[str]:
     missing = [name for name in expected if name not in schema]
     if missing:
-        yield f"without {_listed(missing)}"
+        yield f"without {_list_names(missing)}"
     wrong = [
         f"{name} as {schema[name]} instead of {dtype}"
         for name, dtype in expected.items()
         if name in schema and schema[name] != dtype
     ]
     if wrong:
-        yield f"with {_listed(wrong)}"
+        yield f"with {_list_names(wrong)}"
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     rest = len(names) - _MOST_NAMED
     more = f" and {counted(rest, 'more column')}" if rest > 0 else ""
     return ", ".join(names[:_MOST_NAMED]) + more

@@ -66,21 +66,21 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     """
     ordered = events.sort(ORDER, maintain_order=True)
     task_events = ordered.filter(pl.col("kind").is_in(TASK_KINDS)).with_row_index("order")
-    regular_keys = _regular(task_events)
-    paired = _pair(task_events, regular_keys)
+    regular_keys = _find_regular_keys(task_events)
+    paired = _pair_events(task_events, regular_keys)
     irregular = task_events.join(regular_keys, on=_KEY, how="anti", maintain_order="left")
-    folded, diagnostics = _fold(irregular)
+    folded, diagnostics = _fold_events(irregular)
     last = (
         events.filter(pl.col("kind").is_in(_SIGNS_OF_LIFE))
         .group_by("run_id")
         .agg(pl.col("time_ns").max().alias("last_ns"))
     )
     rows = pl.concat([paired, folded]).join(last, on="run_id", how="left")
-    rows = _with_until(rows)
+    rows = _add_until(rows)
     return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(ordered), *diagnostics]
 
 
-def _with_until(rows: pl.DataFrame) -> pl.DataFrame:
+def _add_until(rows: pl.DataFrame) -> pl.DataFrame:
     """Add until when each execution lasts; an open one until its agent's next start, else the last sign of life."""
     starts = rows.select(*_LANE, "start_ns").unique().sort(*_LANE, "start_ns")
     following = starts.with_columns(pl.col("start_ns").shift(-1).over(_LANE).alias("next_ns"))
@@ -89,7 +89,7 @@ def _with_until(rows: pl.DataFrame) -> pl.DataFrame:
     return joined.with_columns(pl.coalesce("end_ns", open_until).alias("until_ns"))
 
 
-def counted() -> pl.Expr:
+def is_counted() -> pl.Expr:
     """Return which intervals count in overlaps and synergies: primary ones that are no step of another."""
     return (pl.col("role") != Role.AUXILIARY.value) & (pl.col("parent_execution_id") == "")
 
@@ -99,7 +99,7 @@ def top_level() -> pl.Expr:
     return pl.col("parent_execution_id") == ""
 
 
-def _regular(task_events: pl.DataFrame) -> pl.DataFrame:
+def _find_regular_keys(task_events: pl.DataFrame) -> pl.DataFrame:
     """Return the keys of executions that need no state machine."""
     kind = pl.col("kind")
 
@@ -120,7 +120,7 @@ def _regular(task_events: pl.DataFrame) -> pl.DataFrame:
     return facts.filter(pl.all_horizontal(flags) & (pl.col("execution_id") != "")).select(_KEY)
 
 
-def _pair(task_events: pl.DataFrame, keys: pl.DataFrame) -> pl.DataFrame:
+def _pair_events(task_events: pl.DataFrame, keys: pl.DataFrame) -> pl.DataFrame:
     """Join starts with their ends and dispatches."""
     regular = task_events.join(keys, on=_KEY, how="semi")
     starts = regular.filter(pl.col("kind") == "task_started").select(
@@ -159,7 +159,7 @@ def _pair(task_events: pl.DataFrame, keys: pl.DataFrame) -> pl.DataFrame:
 _COLUMNS: Final = pl.Schema({name: kind for name, kind in INTERVALS.items() if name != "until_ns"})
 
 
-def _fold(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
+def _fold_events(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     """Run the state machine over executions, event by event."""
     states: dict[tuple[str, str], ExecutionState] = {}
     facts: dict[tuple[str, str], dict[str, Any]] = {}
@@ -167,7 +167,7 @@ def _fold(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     for row in task_events.iter_rows(named=True):
         key = (row["run_id"], row["execution_id"])
         before = states.get(key, PLANNED)
-        after, code = apply(before, _event(row))
+        after, code = apply(before, _task_fact(row))
         if code:
             diagnostics.append(_complaint(code, row))
         if after is before:
@@ -182,7 +182,7 @@ def _fold(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     return pl.DataFrame(rows, schema=_COLUMNS), diagnostics
 
 
-def _event(row: dict[str, Any]) -> TaskFact:
+def _task_fact(row: dict[str, Any]) -> TaskFact:
     event = from_row(row | {"details": ""})  # the state machine asks nothing of them
     assert isinstance(event, TaskFact)  # noqa: S101 - rows were filtered by TASK_KINDS
     return event
@@ -193,13 +193,13 @@ def _invalid_details(events: pl.DataFrame) -> list[Diagnostic]:
     text = pl.col("details")
     # polars sorts out nearly all of them, and refuses a few that Python takes
     doubtful = events.filter((text != "") & ~(text.str.starts_with("{") & text.str.json_path_match("$").is_not_null()))
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     for details, kind, path, run_id, seq in doubtful.select("details", "kind", "path", "run_id", "seq").iter_rows():
         try:
             parse_details(details, kind)
         except InvalidEventError as error:
-            found.append(Diagnostic("invalid_details", str(error), path, run_id, seq))
-    return found
+            diagnostics.append(Diagnostic("invalid_details", str(error), path, run_id, seq))
+    return diagnostics
 
 
 def _facts(row: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
@@ -228,8 +228,8 @@ def _outcome(state: ExecutionState) -> dict[str, Any]:
 
 
 def _complaint(code: str, row: dict[str, Any]) -> Diagnostic:
-    what = f"{row['kind']} of {row['agent']!r}, {row['task']!r} (execution {row['execution_id'] or 'without id'})"
-    return Diagnostic(code, f"{what} is not allowed: {_WHY[code]}", row["path"], row["run_id"], row["seq"])
+    event = f"{row['kind']} of {row['agent']!r}, {row['task']!r} (execution {row['execution_id'] or 'without id'})"
+    return Diagnostic(code, f"{event} is not allowed: {_WHY[code]}", row["path"], row["run_id"], row["seq"])
 
 
 _WHY: Final = {

@@ -36,7 +36,7 @@ class Segments:
 
 
 @dataclass(frozen=True, slots=True)
-class _Met:
+class _Meetings:
     """Which other tasks an execution meets, and from and until when since its start; shapes (m,)."""
 
     row: IntArray
@@ -57,10 +57,10 @@ def segments(executions: pl.DataFrame, others: pl.DataFrame, until_ns: IntArray 
     end = executions["until_ns"].to_numpy() if until_ns is None else until_ns
     rows = others.filter(top_level())
     tasks = sorted(rows.select("agent", "task").unique().iter_rows())
-    met = _join(list(_blocks(executions, start, end, rows, tasks)))
+    met = _join_meetings(list(_blocks(executions, start, end, rows, tasks)))
 
-    own = np.arange(len(start))
-    key = np.concatenate([own, own, met.row, met.row])
+    row = np.arange(len(start))
+    key = np.concatenate([row, row, met.row, met.row])
     time = np.concatenate([np.zeros_like(start), end - start, met.low, met.high])
     order = np.lexsort((time, key))
     first = np.ones(len(order), np.bool_)
@@ -69,18 +69,20 @@ def segments(executions: pl.DataFrame, others: pl.DataFrame, until_ns: IntArray 
     boundary[order] = np.cumsum(first) - 1
     key, time = key[order][first], time[order][first]
     opens = np.flatnonzero(np.diff(key) == 0)  # a segment is named after the boundary that opens it
-    begin, stop = np.split(boundary[2 * len(own) :], 2)
+    begin, stop = np.split(boundary[2 * len(row) :], 2)
     state, states = _sorted_states(*_states(len(key), begin, stop, met.column, tasks), opens)
     return Segments(key[opens], time[opens], time[opens + 1], state, states)
 
 
 def _blocks(
     executions: pl.DataFrame, start: IntArray, end: IntArray, rows: pl.DataFrame, tasks: list[AgentTask]
-) -> Iterator[_Met]:
-    """Yield what each pair of agents meets, over as many runs at a time as fit on one axis of time."""
-    own = executions.select("run_id", "agent", pl.Series("start", start), pl.Series("end", end)).with_row_index("row")
+) -> Iterator[_Meetings]:
+    """Yield the meetings of each pair of agents, for as many runs at a time as fit on one time axis."""
+    numbered = executions.select("run_id", "agent", pl.Series("start", start), pl.Series("end", end)).with_row_index(
+        "row"
+    )
     spans = (
-        pl.concat([rows.select("run_id", start="start_ns", end="until_ns"), own.select("run_id", "start", "end")])
+        pl.concat([rows.select("run_id", start="start_ns", end="until_ns"), numbered.select("run_id", "start", "end")])
         .group_by("run_id")
         .agg(pl.col("start").min().alias("origin"), pl.col("end").max().alias("last"))
         .sort("run_id")
@@ -99,7 +101,7 @@ def _blocks(
         orient="row",
     )
     shift = pl.col("shift")
-    shifted = own.join(spans, on="run_id").with_columns(pl.col("start") + shift, pl.col("end") + shift)
+    shifted = numbered.join(spans, on="run_id").with_columns(pl.col("start") + shift, pl.col("end") + shift)
     met = (
         rows.join(spans, on="run_id")
         .join(columns, on=["agent", "task"])
@@ -108,14 +110,14 @@ def _blocks(
     )
     of_others = dict(met.group_by("block", "agent", maintain_order=True))
     for (block, agent), part in shifted.group_by("block", "agent", maintain_order=True):
-        for (other_block, other), theirs in of_others.items():
+        for (other_block, other), other_part in of_others.items():
             if other_block == block and other != agent:
-                yield _meet(part, theirs)
+                yield _find_meetings(part, other_part)
 
 
-def _meet(own: pl.DataFrame, theirs: pl.DataFrame) -> _Met:
-    start, end = own["start"].to_numpy(), own["end"].to_numpy()
-    other_start, other_end = theirs["start"].to_numpy(), theirs["end"].to_numpy()
+def _find_meetings(executions: pl.DataFrame, others: pl.DataFrame) -> _Meetings:
+    start, end = executions["start"].to_numpy(), executions["end"].to_numpy()
+    other_start, other_end = others["start"].to_numpy(), others["end"].to_numpy()
     first = np.searchsorted(np.maximum.accumulate(other_end), start, "right")
     count = np.maximum(np.searchsorted(other_start, end, "left") - first, 0)
     k = np.repeat(np.arange(len(start)), count)
@@ -123,12 +125,14 @@ def _meet(own: pl.DataFrame, theirs: pl.DataFrame) -> _Met:
     low, high = np.maximum(other_start[c], start[k]) - start[k], np.minimum(other_end[c], end[k]) - start[k]
     real = high > low
     k, c = k[real], c[real]
-    return _Met(own["row"].to_numpy().astype(np.int64)[k], theirs["column"].to_numpy()[c], low[real], high[real])
+    return _Meetings(
+        executions["row"].to_numpy().astype(np.int64)[k], others["column"].to_numpy()[c], low[real], high[real]
+    )
 
 
-def _join(parts: list[_Met]) -> _Met:
+def _join_meetings(parts: list[_Meetings]) -> _Meetings:
     none = np.empty(0, np.int64)
-    return _Met(
+    return _Meetings(
         np.concatenate([none, *(part.row for part in parts)]),
         np.concatenate([none, *(part.column for part in parts)]),
         np.concatenate([none, *(part.low for part in parts)]),
@@ -141,7 +145,7 @@ def _states(
 ) -> tuple[IntArray, list[State]]:
     """Return the number of the state after each of n boundaries, and the states.
 
-    A state is told by the sum of random 64-bit numbers, one for each task in it, so that a running sum finds them all.
+    The sum of random 64-bit numbers, one for each task in it, identifies a state, so a running sum finds all states.
     """
     codes = np.random.default_rng(0).integers(0, 2**64, len(tasks), np.uint64, endpoint=False)
     change = np.zeros(n + 1, np.uint64)
@@ -152,19 +156,19 @@ def _states(
     order = np.argsort(example)
     first = np.searchsorted(example, begin, "left", sorter=order)
     count = np.searchsorted(example, stop, "left", sorter=order) - first
-    met = np.repeat(np.arange(len(begin)), count)
-    place = np.arange(len(met)) - np.repeat(np.cumsum(count) - count, count) + first[met]
+    pair_number = np.repeat(np.arange(len(begin)), count)
+    place = np.arange(len(pair_number)) - np.repeat(np.cumsum(count) - count, count) + first[pair_number]
     members: list[list[AgentTask]] = [[] for _ in example]
-    for number, task in zip(order[place].tolist(), column[met].tolist(), strict=True):
+    for number, task in zip(order[place].tolist(), column[pair_number].tolist(), strict=True):
         members[number].append(tasks[task])
-    return state, [tuple(sorted(found)) for found in members]
+    return state, [tuple(sorted(state_tasks)) for state_tasks in members]
 
 
 def _sorted_states(state: IntArray, states: list[State], opens: IntArray) -> tuple[IntArray, tuple[State, ...]]:
     """Number the states that segments have in sorted order."""
     present, state = np.unique(state[opens], return_inverse=True)
-    found = [states[index] for index in present]
-    ranked = sorted(range(len(found)), key=found.__getitem__)
-    rank = np.empty(len(found), np.int64)
-    rank[ranked] = np.arange(len(found))
-    return rank[state], tuple(found[index] for index in ranked)
+    kept_states = [states[index] for index in present]
+    ranked = sorted(range(len(kept_states)), key=kept_states.__getitem__)
+    rank = np.empty(len(kept_states), np.int64)
+    rank[ranked] = np.arange(len(kept_states))
+    return rank[state], tuple(kept_states[index] for index in ranked)

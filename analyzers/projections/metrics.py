@@ -64,11 +64,11 @@ def metrics(
         "run_id", maintain_order=True
     ):
         run_id = str(run)
-        found = [*_fluency(part, busy[run_id]), ("critical_path_s", "", longest[run_id] / 1e9)]
-        found += [*_lateness(part), *distances.get(run_id, [])]
+        run_rows = [*_fluency(part, busy[run_id]), ("critical_path_s", "", longest[run_id] / 1e9)]
+        run_rows += [*_lateness(part), *distances.get(run_id, [])]
         for agent, profile in sorted(speeds.get(run_id, {}).items()):
-            found += _safety(agent, part.filter(pl.col("agent") == agent), profile)
-        rows += [(run_id, *row) for row in found]
+            run_rows += _safety(agent, part.filter(pl.col("agent") == agent), profile)
+        rows += [(run_id, *row) for row in run_rows]
     return pl.DataFrame(rows, schema=METRICS, orient="row")
 
 
@@ -137,15 +137,17 @@ def _safety(agent: str, executions: pl.DataFrame, profile: SpeedProfile) -> Iter
 def _distances(signals: pl.DataFrame | None) -> dict[str, list[Row]]:
     if signals is None:
         return {}
-    own = pl.col("name") == MINIMUM_DISTANCE
+    is_whole_run = pl.col("name") == MINIMUM_DISTANCE
     per_run = (
-        signals.filter((own | pl.col("name").str.ends_with(f"/{MINIMUM_DISTANCE}")) & pl.col("value").is_finite())
+        signals.filter(
+            (is_whole_run | pl.col("name").str.ends_with(f"/{MINIMUM_DISTANCE}")) & pl.col("value").is_finite()
+        )
         .group_by("run_id", "name")
         .agg(pl.col("value").min().alias("low"), pl.col("value").quantile(0.05, "linear").alias("p5"))
         .sort("run_id", "name")
     )
-    found: dict[str, list[Row]] = {}
+    rows_of_run: dict[str, list[Row]] = {}
     for run, name, low, p5 in per_run.iter_rows():
         agent = name.removesuffix(MINIMUM_DISTANCE).removesuffix("/")
-        found.setdefault(run, []).extend([("min_distance_m", agent, low), ("min_distance_p5_m", agent, p5)])
-    return found
+        rows_of_run.setdefault(run, []).extend([("min_distance_m", agent, low), ("min_distance_p5_m", agent, p5)])
+    return rows_of_run

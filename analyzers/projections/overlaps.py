@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.projections.frames import INTERVALS_FRAME, check_frame
-from hrclog.analyzers.projections.intervals import SORT, counted
+from hrclog.analyzers.projections.intervals import SORT, is_counted
 from hrclog.analyzers.projections.schemas import OVERLAPS, PAIR_OVERLAPS
 from hrclog.arrays import IntArray
 
@@ -44,7 +44,7 @@ def overlaps(intervals: pl.DataFrame) -> pl.DataFrame:
         HrclogError: `intervals` is no intervals frame.
     """
     check_frame(intervals, INTERVALS_FRAME)
-    rows = intervals.filter(counted()).sort(SORT)
+    rows = intervals.filter(is_counted()).sort(SORT)
     first, second, overlap = sweep(rows["run_id"], rows["start_ns"], rows["until_ns"])
     ahead, behind = np.concatenate([first, second]), np.concatenate([second, first])
     sides = rows.select("run_id", *_SIDE, (pl.col("until_ns") - pl.col("start_ns")).alias("duration_ns"))
@@ -69,10 +69,10 @@ def sweep(run: pl.Series, start: pl.Series, end: pl.Series) -> tuple[IntArray, I
         end: int64 ns, shape (n,).
     """
     starts, ends = start.to_numpy(), end.to_numpy()
-    found = [_sweep_block(starts, ends, bounds) for bounds in _blocks(run, starts, ends)]
-    if not found:
+    blocks = [_sweep_block(starts, ends, bounds) for bounds in _blocks(run, starts, ends)]
+    if not blocks:
         return (np.empty(0, np.int64),) * 3
-    first, second, overlap = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    first, second, overlap = (np.concatenate(arrays) for arrays in zip(*blocks, strict=True))
     return first, second, overlap
 
 
@@ -107,7 +107,9 @@ def pair_overlaps(intervals: pl.DataFrame, overlaps: pl.DataFrame) -> pl.DataFra
 
 def task_counts(intervals: pl.DataFrame) -> pl.DataFrame:
     """Return agent, task and number of executions that count, sorted."""
-    return intervals.filter(counted()).group_by("agent", "task").agg(pl.len().alias("executions")).sort("agent", "task")
+    return (
+        intervals.filter(is_counted()).group_by("agent", "task").agg(pl.len().alias("executions")).sort("agent", "task")
+    )
 
 
 def task_pairs(tasks: pl.DataFrame, observed: pl.DataFrame) -> pl.DataFrame:

@@ -69,8 +69,8 @@ def _planner(facts: Mapping[str, Any]) -> str:
     plan = facts.get("plan")
     for source in (facts, plan if isinstance(plan, dict) else {}):
         for field in _PLANNER_FIELDS:
-            if said := _text(source.get(field)):
-                return said
+            if name := _text(source.get(field)):
+                return name
     recipe = planner_and_session(_text(facts.get("name")))
     return recipe[0] if recipe else ""
 

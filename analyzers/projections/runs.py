@@ -61,14 +61,15 @@ def _facts(events: pl.DataFrame) -> pl.DataFrame:
     """Return name and declared agents per run, from its first run_started."""
     started = events.filter(pl.col("kind") == "run_started").sort("run_id", "seq").unique("run_id", keep="first")
     rows = [
-        (run, *_declared(details)) for run, details in started.select("run_id", "details").sort("run_id").iter_rows()
+        (run, *_declared_facts(details))
+        for run, details in started.select("run_id", "details").sort("run_id").iter_rows()
     ]
     return pl.DataFrame(
         rows, schema={"run_id": pl.String, "name": pl.String, "agents": pl.List(pl.String)}, orient="row"
     )
 
 
-def _declared(details: str) -> tuple[str, list[str]]:
+def _declared_facts(details: str) -> tuple[str, list[str]]:
     try:
         facts = parse_details(details)
     except InvalidEventError:

@@ -58,8 +58,8 @@ def speed_profiles(events: pl.DataFrame) -> dict[str, dict[str, SpeedProfile]]:
     changes = events.filter(
         (pl.col("kind") == "safety_state_changed") & pl.col("speed_scale").is_not_null() & (pl.col("agent") != "")
     ).sort("run_id", "agent", "time_ns", "seq")
-    found: dict[str, dict[str, SpeedProfile]] = {}
+    profiles: dict[str, dict[str, SpeedProfile]] = {}
     for (run, agent), part in changes.group_by("run_id", "agent", maintain_order=True):
         profile = SpeedProfile(part["time_ns"].to_numpy(), part["speed_scale"].to_numpy())
-        found.setdefault(str(run), {})[str(agent)] = profile
-    return found
+        profiles.setdefault(str(run), {})[str(agent)] = profile
+    return profiles

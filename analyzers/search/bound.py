@@ -1,7 +1,7 @@
 """A makespan that no plan can beat, by linear programming.
 
-Of the order of tasks only sums are kept: how often each agent does each task (a_i), and how many seconds o_ij tasks i
-and j of two agents run side by side. In the rate model the time that all executions of i take together is
+The programme forgets the order of tasks and keeps sums only: how often each agent does each task (a_i), and for how
+many seconds o_ij tasks i and j of two agents run side by side. In the rate model all executions of i together take
 D_i = a_i d_i + sum_j (1 - 1 / s_ij) o_ij, linear in both. Every order of every allocation is a point of this programme,
 so its optimum is a lower bound of the makespan with expected durations; the order may make it out of reach.
 
@@ -25,7 +25,7 @@ from hrclog.arrays import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """sum of coefficients times variables, equal to or at most a constant."""
+    """A constraint: the sum of coefficients times variables equals a constant, or is at most that constant."""
 
     terms: dict[int, float]
     constant: float
@@ -45,19 +45,19 @@ def lower_bound_s(space: Space, world: Worlds) -> float:
 
     programme = _Programme(space, world)
     rows = list(programme.rows())
-    equal = [row for row in rows if row.equal]
-    less = [row for row in rows if not row.equal]
+    equalities = [row for row in rows if row.equal]
+    inequalities = [row for row in rows if not row.equal]
     objective = np.zeros(programme.size)
     objective[0] = 1.0
-    found = linprog(
+    solution = linprog(
         objective,
-        A_ub=_matrix(less, programme.size),
-        b_ub=[row.constant for row in less],
-        A_eq=_matrix(equal, programme.size),
-        b_eq=[row.constant for row in equal],
+        A_ub=_matrix(inequalities, programme.size),
+        b_ub=[row.constant for row in inequalities],
+        A_eq=_matrix(equalities, programme.size),
+        b_eq=[row.constant for row in equalities],
         method="highs",
     )
-    return float(found.fun) if found.success else 0.0
+    return float(solution.fun) if solution.success else 0.0
 
 
 def _matrix(rows: list[_Row], size: int) -> FloatArray:
@@ -77,39 +77,39 @@ class _Programme:
         self._work = world.work_s[0, :, 0]
         self._gap = world.gap_s[0, :, 0]
         self._rate = world.rate[0]
-        self._often: dict[tuple[int, str], int] = {}
-        self._beside: dict[tuple[int, int], int] = {}
+        self._count_variables: dict[tuple[int, str], int] = {}
+        self._overlap_variables: dict[tuple[int, int], int] = {}
         for unit, kind in enumerate(space.units):
             for agent in kind.agents:
-                self._often[unit, agent] = 1 + len(self._often)
+                self._count_variables[unit, agent] = 1 + len(self._count_variables)
         if len(space.agents) == 2:
             for i, j in combinations(range(len(self._keys)), 2):
                 if self._keys[i][0] != self._keys[j][0]:
-                    self._beside[i, j] = 1 + len(self._often) + len(self._beside)
-        self.size = 1 + len(self._often) + len(self._beside)
+                    self._overlap_variables[i, j] = 1 + len(self._count_variables) + len(self._overlap_variables)
+        self.size = 1 + len(self._count_variables) + len(self._overlap_variables)
 
     def rows(self) -> Iterator[_Row]:
         """Yield all constraints."""
         for unit, count in enumerate(self._space.counts):
             agents = self._space.units[unit].agents
-            yield _Row({self._often[unit, agent]: 1.0 for agent in agents}, count, equal=True)
+            yield _Row({self._count_variables[unit, agent]: 1.0 for agent in agents}, count, equal=True)
         for number, agent in enumerate(self._space.agents):
-            yield self._busy(number, agent)
+            yield self._agent_row(number, agent)
         for key in range(len(self._keys)):
-            if self._beside:
-                yield self._company(key)
-        if self._beside:
-            yield self._alone()
+            if self._overlap_variables:
+                yield self._overlap_row(key)
+        if self._overlap_variables:
+            yield self._total_row()
 
-    def _busy(self, number: int, agent: str) -> _Row:
-        """The agent's tasks and gaps fit into the makespan and what comes before the first start."""
+    def _agent_row(self, number: int, agent: str) -> _Row:
+        """The agent's tasks and gaps fit into the makespan plus the time before the first start."""
         terms = self._load(agent, self._gap[number])
         return _Row({0: -1.0} | terms, self._first_start(number), equal=False)
 
     def _first_start(self, number: int) -> float:
-        """Return before when anything starts if the agent has work: its own gap, or that of one that surely has work.
+        """Return the latest instant of the first start if the agent has work: the least gap of it and of sure workers.
 
-        Where agents may wait, it is its own gap: of the time from the first start on, the agent's first gap is no part.
+        Sure workers are agents that alone can do some unit. Where agents may wait, only the agent's own gap counts.
         """
         space = self._space
         waits = space.linked or space.begun or any(task.release_s or task.resources for task in space.problem.tasks)
@@ -125,34 +125,34 @@ class _Programme:
         return terms
 
     def _duration(self, key: int, gap: float = 0.0) -> dict[int, float]:
-        """Return the terms of D_i, and of as many gaps."""
+        """Return the terms of D_i, plus one gap for each execution."""
         agent, task = self._keys[key]
         least = float(self._work[key])
-        if not self._beside:
+        if not self._overlap_variables:
             least /= fastest(self._keys, self._rate, key)
         terms = {
             variable: self._space.units[unit].tasks.count(task) * (least + gap)
-            for (unit, name), variable in self._often.items()
+            for (unit, name), variable in self._count_variables.items()
             if name == agent and task in self._space.units[unit].tasks
         }
-        for (i, j), variable in self._beside.items():
+        for (i, j), variable in self._overlap_variables.items():
             if key in (i, j):
                 terms[variable] = 1.0 - float(self._rate[key, j if key == i else i])
         return terms
 
-    def _company(self, key: int) -> _Row:
-        """A task is beside others for no longer than it lasts."""
-        terms = {variable: 1.0 for pair, variable in self._beside.items() if key in pair}
+    def _overlap_row(self, key: int) -> _Row:
+        """A task overlaps others for no longer than it lasts."""
+        terms = {variable: 1.0 for pair, variable in self._overlap_variables.items() if key in pair}
         for variable, value in self._duration(key).items():
             terms[variable] = terms.get(variable, 0.0) - value
         return _Row(terms, 0.0, equal=False)
 
-    def _alone(self) -> _Row:
-        """Time in which either works is at most the makespan: both loads less what runs side by side."""
+    def _total_row(self) -> _Row:
+        """The time in which either agent works (both loads minus their overlap) is at most the makespan."""
         terms: dict[int, float] = {0: -1.0}
         for agent in self._space.agents:
             for variable, value in self._load(agent, 0.0).items():
                 terms[variable] = terms.get(variable, 0.0) + value
-        for variable in self._beside.values():
+        for variable in self._overlap_variables.values():
             terms[variable] = terms.get(variable, 0.0) - 1.0
         return _Row(terms, 0.0, equal=False)

@@ -1,9 +1,10 @@
 """The plan duration of the paper, in closed form, for comparison with the exact evaluation.
 
-Tasks are laid out with their mean durations d, as if nobody mattered to anybody; each then counts
+Tasks are laid out with their mean durations d, as if no agent affected another; each then counts
 d_i (1 + sum_j delta_ij (s_ij - 1)), delta_ij the part of it that lies beside task j of another agent and s_ij the
 synergy relative to mean durations. The plan takes as long as its longest agent (Sandrini, Faroni and Pedrocchi 2022,
-eq. plan-duration-synergy). What a longer task does to what comes later, and so to the overlaps, is left out.
+eq. plan-duration-synergy). The formula ignores that a longer task
+delays later tasks and so changes the overlaps.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ def closed_form_s(plans: Encoded, times: TaskTimes) -> FloatArray:
     durations = np.empty((plans.size, len(plans.agents)))
     for number, agent in enumerate(plans.agents):
         cost = extra_per_second(plans.keys, times, means, agent)
-        found = evaluate(plans, world, cost=cost, timeline=True)
-        if found.start_s is None or found.end_s is None:
+        evaluated = evaluate(plans, world, cost=cost, timeline=True)
+        if evaluated.start_s is None or evaluated.end_s is None:
             raise AssertionError("timelines were asked for")
-        start = np.nanmin(found.start_s, axis=(2, 3))[:, 0]
-        last = np.nan_to_num(found.end_s[:, 0, number], nan=-np.inf).max(axis=1)
-        durations[:, number] = last - start + found.cost[:, 0]
+        start = np.nanmin(evaluated.start_s, axis=(2, 3))[:, 0]
+        last = np.nan_to_num(evaluated.end_s[:, 0, number], nan=-np.inf).max(axis=1)
+        durations[:, number] = last - start + evaluated.cost[:, 0]
     longest: FloatArray = durations.max(axis=1)
     return longest
 

@@ -21,16 +21,16 @@ from hrclog.arrays import FloatArray
 from hrclog.errors import ScenarioError
 
 MOST_UNITS: Final = 120
-"""Pieces of work that a model is made of; more take too long before the search even begins."""
+"""Largest number of units of work in a model; with more, building it takes too long."""
 
 _WARM_UP: Final = 2000
-"""Plans that a local search judges before, so that the solver knows what to beat."""
+"""Number of plans that a local search judges first, so that the solver starts from a good plan."""
 
 _LARGE: Final = 3000
-"""Variables from which on a model is searched without being probed before."""
+"""With more variables than this, the solver does not probe the model before the search."""
 
 _CLOSE_S: Final = 0.01
-"""What a proof may leave open because of rounding."""
+"""Gap that a proof may leave open because of rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class CpSat:
 def cpsat(space: Space, world: Worlds, seconds: float, seed: int = 0, starts: Iterable[Candidate] = ()) -> CpSat:
     """Return the best plans that the solver found, and a lower bound of the makespan.
 
-    A search that comes to its end is the same every time; one that time stops is not. With more than two agents the
+    A search that runs to its end is reproducible; one that the time limit stops is not. With more than two agents the
     rates multiply, which the solver cannot express: it then minimises a lower bound of the makespan.
 
     Args:
@@ -66,25 +66,25 @@ def cpsat(space: Space, world: Worlds, seconds: float, seed: int = 0, starts: It
     Raises:
         ScenarioError: OR-Tools is missing, the space goes on from a run that has begun, or tasks have due times.
     """
-    _check(space, world)
+    _check_supported(space, world)
     judge = Judge(space, world)
     least_s = lower_bound_s(space, world)
-    known = local_search(judge, Effort(_WARM_UP, seconds), seed, starts=starts)
-    if not known.best:
-        return CpSat(known, math.inf, least_s, optimal=False)
-    best = known.best[0]
+    warm_up = local_search(judge, Effort(_WARM_UP, seconds), seed, starts=starts)
+    if not warm_up.best:
+        return CpSat(warm_up, math.inf, least_s, optimal=False)
+    best = warm_up.best[0]
     model = Model(space, world, best.score, least_s * (1 - 1e-9))
-    model.hint(best.candidate, *_times(space, world, best.candidate))
-    solved = _solve(model, len(space.agents), seconds, seed)
-    scores = map(Ranked, judge.scores(solved.plans).tolist(), solved.plans)
-    plans = sorted({*known.best, *(one for one in scores if one.score < math.inf)})
-    bound_s = max((solved.bound - ROUNDING) / TICKS_PER_S, least_s)
-    stopped = "" if solved.finished else f"after {seconds:g} s"
-    search = Search(tuple(plans), known.judged + len(solved.plans), exhaustive=False, stopped=stopped)
-    return CpSat(search, solved.objective / TICKS_PER_S, bound_s, plans[0].score - bound_s <= _CLOSE_S)
+    model.hint(best.candidate, *_given_and_end_s(space, world, best.candidate))
+    solution = _solve(model, len(space.agents), seconds, seed)
+    scores = map(Ranked, judge.scores(solution.plans).tolist(), solution.plans)
+    plans = sorted({*warm_up.best, *(ranked for ranked in scores if ranked.score < math.inf)})
+    bound_s = max((solution.bound - ROUNDING) / TICKS_PER_S, least_s)
+    stopped = "" if solution.finished else f"after {seconds:g} s"
+    search = Search(tuple(plans), warm_up.judged + len(solution.plans), exhaustive=False, stopped=stopped)
+    return CpSat(search, solution.objective / TICKS_PER_S, bound_s, plans[0].score - bound_s <= _CLOSE_S)
 
 
-def _check(space: Space, world: Worlds) -> None:
+def _check_supported(space: Space, world: Worlds) -> None:
     try:
         import ortools  # noqa: F401 - only whether it is there
     except ImportError as error:
@@ -97,25 +97,25 @@ def _check(space: Space, world: Worlds) -> None:
     if space.begun:
         raise ScenarioError("planner cpsat: cannot go on with a run that has begun; choose local search")
     if sum(space.counts) > MOST_UNITS:
-        found = f"found {sum(space.counts)} pieces of work, expected at most {MOST_UNITS}"
-        raise ScenarioError(f"planner cpsat: {found}; choose local search")
+        complaint = f"found {sum(space.counts)} pieces of work, expected at most {MOST_UNITS}"
+        raise ScenarioError(f"planner cpsat: {complaint}; choose local search")
     if world.count != 1:
         raise ScenarioError(f"planner cpsat: found {world.count} worlds, expected the expected world; choose the mean")
 
 
-def _times(space: Space, world: Worlds, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
+def _given_and_end_s(space: Space, world: Worlds, candidate: Candidate) -> tuple[FloatArray, FloatArray]:
     """Return when items are given and when they end, shape (A, P) each."""
     plan = possible_plan(space, candidate)
     assert plan is not None  # noqa: S101 - it was judged possible
-    found = evaluate(encode_plans(space.problem, space.keys, [plan]), world, timeline=True)
-    assert found.start_s is not None  # noqa: S101 - timelines were asked for
-    assert found.end_s is not None  # noqa: S101 - timelines were asked for
-    return found.start_s[0, 0] - world.gap_s[0, :, :1], found.end_s[0, 0]
+    evaluated = evaluate(encode_plans(space.problem, space.keys, [plan]), world, timeline=True)
+    assert evaluated.start_s is not None  # noqa: S101 - timelines were asked for
+    assert evaluated.end_s is not None  # noqa: S101 - timelines were asked for
+    return evaluated.start_s[0, 0] - world.gap_s[0, :, :1], evaluated.end_s[0, 0]
 
 
 @dataclass(frozen=True, slots=True)
-class _Solved:
-    """What the solver says, in ticks."""
+class _Solution:
+    """The solver's result, in ticks."""
 
     plans: list[Candidate]
     objective: float
@@ -123,15 +123,15 @@ class _Solved:
     finished: bool
 
 
-def _solve(model: Model, agents: int, seconds: float, seed: int) -> _Solved:
+def _solve(model: Model, agents: int, seconds: float, seed: int) -> _Solution:
     from ortools.sat.python import cp_model
 
-    found: dict[Candidate, None] = {}
+    candidates: dict[Candidate, None] = {}
 
     class _Collector(cp_model.CpSolverSolutionCallback):
         def on_solution_callback(self) -> None:
             chains = [chain for chain in model.items.chains if self.boolean_value(chain.taken)]
-            found[orders_of([(chain, self.value(chain.first.given)) for chain in chains], agents)] = None
+            candidates[orders_of([(chain, self.value(chain.first.given)) for chain in chains], agents)] = None
 
     _complete_hint(model)
     solver = cp_model.CpSolver()
@@ -144,12 +144,12 @@ def _solve(model: Model, agents: int, seconds: float, seed: int) -> _Solved:
     solver.parameters.absolute_gap_limit = _CLOSE_S / 2 * TICKS_PER_S
     solver.parameters.max_time_in_seconds = seconds
     status = solver.solve(model.cp, _Collector())
-    objective = solver.objective_value if found else math.inf
-    return _Solved(list(found), objective, solver.best_objective_bound, status == cp_model.OPTIMAL)
+    objective = solver.objective_value if candidates else math.inf
+    return _Solution(list(candidates), objective, solver.best_objective_bound, status == cp_model.OPTIMAL)
 
 
 def _complete_hint(model: Model) -> None:
-    """Propose a value for every variable: with less, a large problem is not sure to take the proposed plan up."""
+    """Propose a value for every variable: otherwise the solver may ignore the proposed plan in a large problem."""
     from ortools.sat.python import cp_model
 
     cp: Any = model.cp

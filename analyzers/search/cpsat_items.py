@@ -1,8 +1,9 @@
 """Executions as integer variables of a constraint solver.
 
-Times are whole ticks. Of each execution the instant at which it is given (its agent is free and all that it waits for
-is there) and its end are rounded to the nearest tick; its start is given + the agent's gap, rounded. Rounding keeps
-the order of instants, so "not before" holds for ticks as it does for seconds, and a start is off by one tick at most.
+Times are whole ticks. An execution is given when its agent is free and all that it waits for is there. This instant
+and the end are rounded to the nearest tick; the start is the given instant plus the agent's gap, rounded. Rounding
+keeps the order of instants, so "not before" holds for ticks as it does for seconds, and a start is off by one tick at
+most.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ class Items:
         self._gaps = [round(float(gap) * TICKS_PER_S) for gap in world.gap_s[0, :, 0]]
         latest = max(task.release_s for task in space.problem.tasks)  # before which all may have to wait
         self.horizon = most + max(self._gaps) + math.ceil(latest * TICKS_PER_S)
-        self.chains = tuple(self._all_chains())
+        self.chains = tuple(self._new_chains())
         self.of = [[i for c in self.chains if c.agent == a for i in c.items] for a in range(len(space.agents))]
 
     @property
@@ -111,38 +112,44 @@ class Items:
         least = slowest(self.keys, self.rate, item.key)
         return min(math.floor(float(self.work[item.key]) / least + 2), self.horizon) if least > 0.0 else self.horizon
 
-    def _all_chains(self) -> Iterator[Chain]:
+    def _new_chains(self) -> Iterator[Chain]:
         for unit, (kind, count) in enumerate(zip(self._space.units, self._space.counts, strict=True)):
             taken = []
             for agent in kind.agents:
-                chains = [self._chain(unit, agent, optional=len(kind.agents) > 1) for _ in range(count)]
-                self._in_turn(chains)
+                chains = [self._new_chain(unit, agent, optional=len(kind.agents) > 1) for _ in range(count)]
+                self._order_equal_units(chains)
                 taken += [chain.taken for chain in chains]
                 yield from chains
             self._cp.add(sum(taken) == count)
 
-    def _chain(self, unit: int, agent: str, *, optional: bool) -> Chain:
+    def _new_chain(self, unit: int, agent: str, *, optional: bool) -> Chain:
         number = self._space.agents.index(agent)
         taken = self._cp.new_bool_var("") if optional else self._cp.new_constant(1)
         items: list[Item] = []
         for task in self._space.units[unit].tasks:
-            end = self._instant()
-            given = items[-1].end if items and not self.waits else self._instant()
+            end = self._new_instant()
+            given_at = items[-1].end if items and not self.waits else self._new_instant()
             item = Item(
-                number, self.keys.index((agent, task)), task, given, given + self._gaps[number] * taken, end, taken
+                number,
+                self.keys.index((agent, task)),
+                task,
+                given_at,
+                given_at + self._gaps[number] * taken,
+                end,
+                taken,
             )
             self._cp.add(item.end - item.start >= self.shortest(item)).only_enforce_if(taken)
             self._cp.add(item.end - item.start <= self.longest(item)).only_enforce_if(taken)
-            for instant in (given, end):
+            for instant in (given_at, end):
                 self._cp.add(instant == 0).only_enforce_if(~taken)
             items.append(item)
         return Chain(unit, number, tuple(items))
 
-    def _instant(self) -> Any:  # noqa: ANN401 - a variable of the solver
+    def _new_instant(self) -> Any:  # noqa: ANN401 - a variable of the solver
         return self._cp.new_int_var(0, self.horizon, "")
 
-    def _in_turn(self, chains: Sequence[Chain]) -> None:
-        """Equal units of an agent are interchangeable: they are done in the order of their numbers."""
+    def _order_equal_units(self, chains: Sequence[Chain]) -> None:
+        """Fix the order of equal units of an agent, which are interchangeable, to the order of their numbers."""
         for before, after in pairwise(chains):
             self._cp.add_implication(after.taken, before.taken)
             self._cp.add(after.first.given >= before.last.end).only_enforce_if(after.taken)

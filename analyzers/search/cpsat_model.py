@@ -23,7 +23,7 @@ _MILLIONTHS: Final = 1_000_000
 """Weights of overlaps are written in these."""
 
 ROUNDING: Final = 2
-"""By how many ticks at most a makespan in ticks is longer than in seconds: an end by half of one, a start by one."""
+"""Largest excess in ticks of a rounded makespan: an end is off by half a tick, a start by one."""
 
 
 class Model:
@@ -44,58 +44,60 @@ class Model:
         least = max(math.floor(least_s * TICKS_PER_S) - ROUNDING, 0)
         self._space = space
         self.items = Items(self.cp, space, world, most)
-        self._beside: dict[tuple[int, int], Any] = {}
-        for own, other in combinations(self.items.of, 2):
-            self._overlaps(own, other)
+        self._overlap_of: dict[tuple[int, int], Any] = {}
+        for first_items, second_items in combinations(self.items.of, 2):
+            self._add_overlaps(first_items, second_items)
         for item in self.items.all:
-            self._duration(item)
+            self._constrain_duration(item)
         for agent in range(len(space.agents)):
-            self._one_at_a_time([chain for chain in self.items.chains if chain.agent == agent])
-        self._resources()
+            self._constrain_agent([chain for chain in self.items.chains if chain.agent == agent])
+        self._constrain_resources()
         if self.items.waits:
-            self._waits()
-        self._makespan(self.cp.new_int_var(least, most, ""))
+            self._constrain_waits()
+        self._minimize_makespan(self.cp.new_int_var(least, most, ""))
 
-    def _overlaps(self, own: Sequence[Item], other: Sequence[Item]) -> None:
-        """Say for how long executions of two agents run side by side."""
-        for i in own:
-            for j in other:
+    def _add_overlaps(self, first_items: Sequence[Item], second_items: Sequence[Item]) -> None:
+        """Define for how long executions of two agents run side by side."""
+        for i in first_items:
+            for j in second_items:
                 between = self.cp.new_int_var(-self.items.horizon, self.items.horizon, "")
-                beside = self.cp.new_int_var(0, min(self.items.longest(i), self.items.longest(j)), "")
+                overlap = self.cp.new_int_var(0, min(self.items.longest(i), self.items.longest(j)), "")
                 ends = (i.end - i.start, j.end - j.start, i.end - j.start, j.end - i.start)
                 self.cp.add_min_equality(between, ends)
-                self.cp.add_max_equality(beside, (between, 0))
-                self._beside[id(i), id(j)] = self._beside[id(j), id(i)] = beside
-        for items, others in ((own, other), (other, own)):
+                self.cp.add_max_equality(overlap, (between, 0))
+                self._overlap_of[id(i), id(j)] = self._overlap_of[id(j), id(i)] = overlap
+        for items, others in ((first_items, second_items), (second_items, first_items)):
             for i in items:
-                self.cp.add(sum(self._beside[id(i), id(j)] for j in others) <= i.end - i.start).only_enforce_if(i.taken)
+                self.cp.add(sum(self._overlap_of[id(i), id(j)] for j in others) <= i.end - i.start).only_enforce_if(
+                    i.taken
+                )
 
-    def _duration(self, item: Item) -> None:
-        """Say how long an execution takes.
+    def _constrain_duration(self, item: Item) -> None:
+        """Define how long an execution takes.
 
         Its start is off by a tick and its end by half of one; so an overlap is off by 1.5 ticks, and a weight by half a
-        millionth. As much room is left to either side, so that no plan is excluded.
+        millionth. The constraint leaves as much tolerance on either side, so that it excludes no plan.
         """
         others = [j for row in self.items.of for j in row if j.agent != item.agent]
         weights = [overlap_weight(self.items.keys, self.items.rate, item.key, j.key) for j in others]
-        longer = sum(
-            round(weight * _MILLIONTHS) * self._beside[id(item), id(j)]
+        slow_down = sum(
+            round(weight * _MILLIONTHS) * self._overlap_of[id(item), id(j)]
             for weight, j in zip(weights, others, strict=True)
         )
         work = float(self.items.work[item.key])
-        halves = len(self.items.of) * self.items.horizon / (2 * _MILLIONTHS)
-        room = 1.5 + 1.5 * sum(map(abs, weights)) + halves
-        done = _MILLIONTHS * (item.end - item.start) - longer
-        self.cp.add(done >= round(_MILLIONTHS * (work - room))).only_enforce_if(item.taken)
+        weight_error = len(self.items.of) * self.items.horizon / (2 * _MILLIONTHS)
+        tolerance = 1.5 + 1.5 * sum(map(abs, weights)) + weight_error
+        work_done = _MILLIONTHS * (item.end - item.start) - slow_down
+        self.cp.add(work_done >= round(_MILLIONTHS * (work - tolerance))).only_enforce_if(item.taken)
         if len(self.items.of) <= 2:
-            self.cp.add(done <= round(_MILLIONTHS * (work + room))).only_enforce_if(item.taken)
+            self.cp.add(work_done <= round(_MILLIONTHS * (work + tolerance))).only_enforce_if(item.taken)
 
-    def _one_at_a_time(self, chains: Sequence[Chain]) -> None:
-        """An agent does one unit after the other; where nobody waits for anything, without a break.
+    def _constrain_agent(self, chains: Sequence[Chain]) -> None:
+        """An agent does one unit after the other, without a break where nothing waits.
 
         A dispatcher holds nothing back, so a break is not a choice that a plan has.
         """
-        self.cp.add_no_overlap(self._span(chain.first, chain.last) for chain in chains)
+        self.cp.add_no_overlap(self._new_interval(chain.first, chain.last) for chain in chains)
         if self.items.waits or not chains:
             return
         arcs = [(0, 0, self.cp.new_bool_var(""))]
@@ -103,31 +105,31 @@ class Model:
             begins = self.cp.new_bool_var("")
             arcs += [(place, place, ~chain.taken), (0, place, begins), (place, 0, self.cp.new_bool_var(""))]
             self.cp.add(chain.first.given == 0).only_enforce_if(begins)
-            for then, other in enumerate(chains, 1):
-                if then != place and (chain.unit != other.unit or then == place + 1):
+            for next_place, other in enumerate(chains, 1):
+                if next_place != place and (chain.unit != other.unit or next_place == place + 1):
                     follows = self.cp.new_bool_var("")
-                    arcs.append((place, then, follows))
+                    arcs.append((place, next_place, follows))
                     self.cp.add(other.first.given == chain.last.end).only_enforce_if(follows)
         self.cp.add_circuit(arcs)
         busy = sum(chain.last.end - chain.first.given for chain in chains)
         for chain in chains:
             self.cp.add(chain.last.end <= busy)
 
-    def _span(self, first: Item, last: Item) -> Any:  # noqa: ANN401 - an interval of the solver
+    def _new_interval(self, first: Item, last: Item) -> Any:  # noqa: ANN401 - an interval of the solver
         size = self.cp.new_int_var(0, self.items.horizon, "")
         return self.cp.new_optional_interval_var(first.given, size, last.end, first.taken, "")
 
-    def _resources(self) -> None:
-        """What one at a time may use is held from when an item is given to its end."""
-        for users in self._users().values():
-            self.cp.add_no_overlap(self._span(item, item) for item in users)
+    def _constrain_resources(self) -> None:
+        """An item holds its exclusive resources from the instant at which it is given to its end."""
+        for users in self._items_by_resource().values():
+            self.cp.add_no_overlap(self._new_interval(item, item) for item in users)
 
-    def _users(self) -> dict[str, list[Item]]:
-        held = {task.name: task.resources for task in self._space.problem.tasks}
-        names = sorted({name for resources in held.values() for name in resources})
-        return {name: [item for item in self.items.all if name in held[item.task]] for name in names}
+    def _items_by_resource(self) -> dict[str, list[Item]]:
+        resources_of = {task.name: task.resources for task in self._space.problem.tasks}
+        names = sorted({name for resources in resources_of.values() for name in resources})
+        return {name: [item for item in self.items.all if name in resources_of[item.task]] for name in names}
 
-    def _waits(self) -> None:
+    def _constrain_waits(self) -> None:
         """Items wait for precedences and releases, and are given at the instant at which the last of all is there."""
         for rule in self._space.problem.precedences:
             if rule.kind is PrecedenceKind.ALL:
@@ -135,16 +137,16 @@ class Model:
                     for other in self.items.named(rule.before):
                         self.cp.add(item.given >= other.end).only_enforce_if(item.taken)
             elif rule.kind is PrecedenceKind.EACH:
-                self._each(rule)
+                self._constrain_each(rule)
         for chain in self.items.chains:
             for place, item in enumerate(chain.items):
                 before = chain.items[place - 1] if place else None
                 if before is not None:
                     self.cp.add(item.given >= before.end)
-                self._given_at_once(item, [before] if before is not None else self._ends_before(chain))
+                self._constrain_given(item, [before] if before is not None else self._other_last_items(chain))
 
-    def _each(self, rule: Precedence) -> None:
-        """Every execution waits for one of its own; the k-th for the k-th where one agent does either."""
+    def _constrain_each(self, rule: Precedence) -> None:
+        """Every execution waits for a different one; the k-th for the k-th where one agent does each task."""
         before, after = self.items.named(rule.before), self.items.named(rule.after)
         if self.items.in_order(rule.before) and self.items.in_order(rule.after):
             for item, other in zip(after, before, strict=False):
@@ -159,31 +161,33 @@ class Model:
         for column in zip(*waits, strict=True):
             self.cp.add_at_most_one(column)
 
-    def _ends_before(self, chain: Chain) -> list[Item]:
+    def _other_last_items(self, chain: Chain) -> list[Item]:
         return [other.last for other in self.items.chains if other.agent == chain.agent and other is not chain]
 
-    def _given_at_once(self, item: Item, own: Iterable[Item]) -> None:
+    def _constrain_given(self, item: Item, predecessors: Iterable[Item]) -> None:
         """An item is given when the run starts, it is released, or something ends that it may have waited for."""
         task = self._space.problem.task(item.task)
         release = round(task.release_s * TICKS_PER_S)
         self.cp.add(item.given >= release).only_enforce_if(item.taken)
         awaited = {rule.before for rule in self._space.problem.precedences if rule.after == item.task}
-        users = [other for name, row in self._users().items() if name in task.resources for other in row]
-        ends = [*own, *(other for name in sorted(awaited) for other in self.items.named(name)), *users]
+        users = [other for name, row in self._items_by_resource().items() if name in task.resources for other in row]
+        ends = [*predecessors, *(other for name in sorted(awaited) for other in self.items.named(name)), *users]
         instants = [release, *{id(other): other.end for other in ends if other is not item}.values()]
         reasons = [self.cp.new_bool_var("") for _ in instants]
         for reason, instant in zip(reasons, instants, strict=True):
             self.cp.add(item.given == instant).only_enforce_if(reason)
         self.cp.add_bool_or(*reasons, ~item.taken)
 
-    def _makespan(self, makespan: Any) -> None:  # noqa: ANN401 - a variable of the solver
+    def _minimize_makespan(self, makespan: Any) -> None:  # noqa: ANN401 - a variable of the solver
         first = self.cp.new_int_var(0, self.items.horizon, "")
         for item in self.items.all:
             self.cp.add(first <= item.start).only_enforce_if(item.taken)
             self.cp.add(makespan >= item.end - first)
-        for own, other in combinations(self.items.of, 2):  # time in which either works
-            loads = sum(i.end - i.start for i in (*own, *other))
-            self.cp.add(makespan >= loads - sum(self._beside[id(i), id(j)] for i in own for j in other))
+        for first_items, second_items in combinations(self.items.of, 2):  # time in which either works
+            loads = sum(i.end - i.start for i in (*first_items, *second_items))
+            self.cp.add(
+                makespan >= loads - sum(self._overlap_of[id(i), id(j)] for i in first_items for j in second_items)
+            )
         self.cp.minimize(makespan)
 
     def hint(self, candidate: Candidate, given_s: FloatArray, end_s: FloatArray) -> None:
@@ -194,19 +198,19 @@ class Model:
             given_s: when each agent's items are given, in order, shape (A, P).
             end_s: when they end, likewise.
         """
-        free = {agent: [c for c in self.items.chains if c.agent == agent] for agent in range(len(candidate))}
+        unused_chains = {agent: [c for c in self.items.chains if c.agent == agent] for agent in range(len(candidate))}
         for agent, row in enumerate(candidate):
             place = 0
             for unit in row:
-                chain = next(chain for chain in free[agent] if chain.unit == unit)
-                free[agent].remove(chain)
+                chain = next(chain for chain in unused_chains[agent] if chain.unit == unit)
+                unused_chains[agent].remove(chain)
                 times = zip(given_s[agent, place:].tolist(), end_s[agent, place:].tolist(), strict=True)
-                self._hint(chain, list(times)[: len(chain.items)])
+                self._hint_chain(chain, list(times)[: len(chain.items)])
                 place += len(chain.items)
-        for chain in (chain for left in free.values() for chain in left):
-            self._hint(chain, [])
+        for chain in (chain for unused in unused_chains.values() for chain in unused):
+            self._hint_chain(chain, [])
 
-    def _hint(self, chain: Chain, times: Sequence[tuple[float, float]]) -> None:
+    def _hint_chain(self, chain: Chain, times: Sequence[tuple[float, float]]) -> None:
         if len(self._space.units[chain.unit].agents) > 1:
             self.cp.add_hint(chain.taken, bool(times))
         for place, item in enumerate(chain.items):

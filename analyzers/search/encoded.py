@@ -1,4 +1,4 @@
-"""Plans as arrays: what many of them need to be judged at once."""
+"""Plans as arrays, so that many of them can be judged at once."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ END: Final = -1
 class Encoded:
     """B plans of A agents with up to P items each.
 
-    An agent does its items in order, so what an item waits for is how many items of each agent must be over.
+    An agent does its items in order, so an item waits until a number of items of each agent are over.
 
     Attributes:
         agents: names.
@@ -98,60 +98,62 @@ def encode_plans(
     agents = problem.agents
     schedules = [schedule_of(plan, mode, problem) for plan in plans]
     queues = [{a: [item.task for item in items] for a, items in schedule.queues.items()} for schedule in schedules]
-    plain = encode_queues(agents, keys, queues)
-    waits = np.zeros((*plain.task.shape, len(agents)), np.int64)
-    not_before = np.zeros(plain.task.shape)
+    encoded = encode_queues(agents, keys, queues)
+    waits = np.zeros((*encoded.task.shape, len(agents)), np.int64)
+    not_before = np.zeros(encoded.task.shape)
     for index, (plan, schedule) in enumerate(zip(plans, schedules, strict=True)):
         _note_waits(waits[index], agents, schedule)
         _note_instants(not_before[index], agents, plan, schedule, timed=MODES[mode].timed)
-    resources = encode_resources(problem, plain)
+    resources = encode_resources(problem, encoded)
     return replace(
-        plain,
+        encoded,
         waits=waits if waits.any() else None,
         not_before_s=not_before if not_before.any() else None,
         resources=resources,
-        asked=None if resources is None else _asked(agents, plans),
+        asked=None if resources is None else _asking_order(agents, plans),
     )
 
 
 def encode_resources(problem: Problem, plans: Encoded) -> IntArray | None:
     """Return what each item holds while it lasts, as a set of bits, shape as `task`; None if nothing is held."""
-    held = {task.name: task.resources for task in problem.tasks}
-    names = sorted({name for resources in held.values() for name in resources})
+    resources_of = {task.name: task.resources for task in problem.tasks}
+    names = sorted({name for resources in resources_of.values() for name in resources})
     if not names:
         return None
-    bits = np.array([sum(1 << names.index(name) for name in held[task]) for _, task in plans.keys] + [0], np.int64)
-    found: IntArray = bits[plans.task]
-    return found
+    bits = np.array(
+        [sum(1 << names.index(name) for name in resources_of[task]) for _, task in plans.keys] + [0], np.int64
+    )
+    item_bits: IntArray = bits[plans.task]
+    return item_bits
 
 
 def repeats(task: IntArray) -> IntArray:
     """Return how often the same task stands before each item in its agent's queue, shape as `task`, (..., P)."""
-    found = np.zeros_like(task)
+    counts = np.zeros_like(task)
     for key in np.unique(task):
         same = task == key
-        found[same] = (np.cumsum(same, axis=-1) - 1)[same]
-    return found
+        counts[same] = (np.cumsum(same, axis=-1) - 1)[same]
+    return counts
 
 
-def _asked(agents: Sequence[str], plans: Sequence[Plan]) -> IntArray:
+def _asking_order(agents: Sequence[str], plans: Sequence[Plan]) -> IntArray:
     """Return the agents in the order of their first items, then those without any."""
     orders = [dict.fromkeys((*plan.agents(), *agents)) for plan in plans]
     return np.array([[agents.index(agent) for agent in order] for order in orders], np.int64)
 
 
 def _note_waits(waits: IntArray, agents: Sequence[str], schedule: Schedule) -> None:
-    place = {
+    place_of = {
         item.item_id: (agents.index(agent), position)
         for agent, items in schedule.queues.items()
         for position, item in enumerate(items)
     }
     for items in schedule.queues.values():
         for item in items:
-            own = place[item.item_id]
+            item_place = place_of[item.item_id]
             for other in (*item.after, *schedule.rules.over_first.get(item.item_id, ())):
-                agent, position = place[other]
-                waits[*own, agent] = max(waits[*own, agent], position + 1)
+                agent, position = place_of[other]
+                waits[*item_place, agent] = max(waits[*item_place, agent], position + 1)
 
 
 def _note_instants(

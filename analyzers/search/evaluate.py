@@ -125,9 +125,9 @@ class _Lanes:
         if timeline:
             self._starts, self._ends = (np.full(plans.task.size * worlds.count, np.nan) for _ in range(2))
             self._time_base = ((plan * worlds.count + world) * n_agents + agent) * self._width
-        self._go_on(begun, world)
+        self._resume(begun, world)
 
-    def _go_on(self, begun: Begun, world: IntArray) -> None:
+    def _resume(self, begun: Begun, world: IntArray) -> None:
         for name, over in begun.over.items():
             self._position[self._plans.agents.index(name)] = over
         for name, started in begun.started_s.items():
@@ -144,28 +144,28 @@ class _Lanes:
         """Go on to the next event of each lane, and return whether any lane has one."""
         item = self._item_base + self._position
         task = self._task[item]
-        wake = self._give(item, task)
-        self._begin(item, task)
+        wake = self._give_items(item, task)
+        self._begin_items(item, task)
         rate = self._rates()
         runs = self._key != self._idle
         with np.errstate(divide="ignore"):
             end = np.where(runs, self._now + self._left / rate, np.inf)
         event = np.where(runs, end, np.where(self._given, self._start, wake))
-        then = event.min(axis=0)
-        goes_on = np.isfinite(then)
+        next_event = event.min(axis=0)
+        goes_on = np.isfinite(next_event)
         if not goes_on.any():
             return False
-        then = np.where(goes_on, then, self._now)
-        spent = then - self._now
+        next_event = np.where(goes_on, next_event, self._now)
+        elapsed = next_event - self._now
         if self._cost_of is not None:
             for a, b in self._pairs:
-                self._cost += spent * self._cost_of[self._key[a] * (self._idle + 1) + self._key[b]]
-        self._left = np.maximum(self._left - spent * rate, 0.0)  # rounding leaves a hair below nothing
-        self._now = then
-        self._finish(runs & (end <= then))
+                self._cost += elapsed * self._cost_of[self._key[a] * (self._idle + 1) + self._key[b]]
+        self._left = np.maximum(self._left - elapsed * rate, 0.0)  # rounding leaves a hair below nothing
+        self._now = next_event
+        self._finish_items(runs & (end <= next_event))
         return True
 
-    def _give(self, item: IntArray, task: IntArray) -> FloatArray:
+    def _give_items(self, item: IntArray, task: IntArray) -> FloatArray:
         """Give every free agent its next item if it may have it; return when those that wait for an instant wake."""
         free = ~self._given & (task != END)
         wake = np.full(free.shape, np.inf)
@@ -177,7 +177,7 @@ class _Lanes:
             wake[early] = instant[early]
             free &= ~early
         if self._resources is not None:
-            free = self._with_resources(free, item)
+            free = self._grant_resources(free, item)
         if free.any():
             place = np.minimum(self._position, self._last_gap)
             start = self._now + self._gap[self._gap_base + place]
@@ -185,19 +185,19 @@ class _Lanes:
             self._given |= free
         return wake
 
-    def _with_resources(self, free: BoolArray, item: IntArray) -> BoolArray:
+    def _grant_resources(self, free: BoolArray, item: IntArray) -> BoolArray:
         """Return which of the free agents get what their item holds, asked one after the other."""
         assert self._resources is not None  # noqa: S101 - the caller looked
         needed = self._resources[item]
         held = np.bitwise_or.reduce(np.where(self._given, needed, 0), axis=0)
-        got = free.copy()
+        allowed = free.copy()
         for agent in self._asked:
-            given = got[agent, self._lane] & ((needed[agent, self._lane] & held) == 0)
-            got[agent, self._lane] = given
-            held |= np.where(given, needed[agent, self._lane], 0)
-        return got
+            granted = allowed[agent, self._lane] & ((needed[agent, self._lane] & held) == 0)
+            allowed[agent, self._lane] = granted
+            held |= np.where(granted, needed[agent, self._lane], 0)
+        return allowed
 
-    def _begin(self, item: IntArray, task: IntArray) -> None:
+    def _begin_items(self, item: IntArray, task: IntArray) -> None:
         begins = self._given & (self._key == self._idle) & (self._start <= self._now)
         if not begins.any():
             return
@@ -217,7 +217,7 @@ class _Lanes:
             rate[b] *= self._rate[self._rate_base + self._key[b] * (self._idle + 1) + self._key[a]]
         return rate
 
-    def _finish(self, ends: BoolArray) -> None:
+    def _finish_items(self, ends: BoolArray) -> None:
         if self._ends is not None:
             agent, lane = np.nonzero(ends)
             self._ends[self._time_base[agent, lane] + self._position[agent, lane]] = self._now[lane]

@@ -40,13 +40,13 @@ def judge_all(judge: Judge, keep: int = 32, seconds: float = math.inf) -> Search
     while chunk := list(islice(candidates, _CHUNK)):
         scores = judge.scores(chunk)
         count += len(chunk)
-        best = ranked([*best, *_best(chunk, scores.tolist(), keep)], keep)
+        best = ranked([*best, *_best_of_chunk(chunk, scores.tolist(), keep)], keep)
         if time.monotonic() > deadline:
             return Search(tuple(best), count, exhaustive=False, stopped=f"after {seconds:g} s")
     return Search(tuple(best), count, exhaustive=True)
 
 
-def _best(chunk: list[Candidate], scores: list[float], keep: int) -> list[Ranked]:
+def _best_of_chunk(chunk: list[Candidate], scores: list[float], keep: int) -> list[Ranked]:
     order = np.argsort(scores, kind="stable")[:keep]
     return [Ranked(scores[index], chunk[index]) for index in order.tolist() if np.isfinite(scores[index])]
 

@@ -1,4 +1,4 @@
-"""Say what a plan does better than others: which pairs of tasks it keeps apart, and what that saves."""
+"""Explain what a plan does better than others: which pairs of tasks it keeps apart, and how much time that saves."""
 
 from __future__ import annotations
 
@@ -57,15 +57,17 @@ def pair_changes(plan: Encoded, usual: Encoded, worlds: Worlds) -> list[PairChan
         usual: others, of the same keys and agents.
         worlds: in which they are carried out; the rates of the first count.
     """
-    here, there = (overlaps_s(plans, evaluate(plans, worlds, timeline=True)) for plans in (plan, usual))
-    lost = 1.0 - worlds.rate[0]
-    found = []
+    overlap, usual_overlap = (overlaps_s(plans, evaluate(plans, worlds, timeline=True)) for plans in (plan, usual))
+    lost_rate = 1.0 - worlds.rate[0]
+    changes = []
     for i, j in combinations(range(len(plan.keys)), 2):
-        per_second = lost[i, j] + lost[j, i]
-        if plan.keys[i][0] != plan.keys[j][0] and max(here[i, j], there[i, j]) > 0:
-            saved = float(per_second * (there[i, j] - here[i, j]))
-            found.append(PairChange(*plan.keys[i], *plan.keys[j], float(here[i, j]), float(there[i, j]), saved))
-    return sorted(found, key=lambda change: (-change.saved_s, change.agent, change.task, change.other_task))
+        per_second = lost_rate[i, j] + lost_rate[j, i]
+        if plan.keys[i][0] != plan.keys[j][0] and max(overlap[i, j], usual_overlap[i, j]) > 0:
+            saved = float(per_second * (usual_overlap[i, j] - overlap[i, j]))
+            changes.append(
+                PairChange(*plan.keys[i], *plan.keys[j], float(overlap[i, j]), float(usual_overlap[i, j]), saved)
+            )
+    return sorted(changes, key=lambda change: (-change.saved_s, change.agent, change.task, change.other_task))
 
 
 def overlaps_s(plans: Encoded, found: Evaluated) -> FloatArray:
@@ -78,14 +80,14 @@ def overlaps_s(plans: Encoded, found: Evaluated) -> FloatArray:
         begin = np.maximum(found.start_s[:, :, a, :, None], found.start_s[:, :, b, None, :])
         end = np.minimum(found.end_s[:, :, a, :, None], found.end_s[:, :, b, None, :])
         beside = np.nan_to_num((end - begin).clip(0.0)).mean(axis=1)
-        first = np.broadcast_to(_numbers(plans, a)[:, :, None], beside.shape)
-        second = np.broadcast_to(_numbers(plans, b)[:, None, :], beside.shape)
+        first = np.broadcast_to(_key_numbers(plans, a)[:, :, None], beside.shape)
+        second = np.broadcast_to(_key_numbers(plans, b)[:, None, :], beside.shape)
         np.add.at(total, (first, second), beside / plans.size)
     both: FloatArray = (total + total.T)[:-1, :-1]
     return both
 
 
-def _numbers(plans: Encoded, agent: int) -> IntArray:
+def _key_numbers(plans: Encoded, agent: int) -> IntArray:
     task = plans.task[:, agent, :-1]
     numbers: IntArray = np.where(task == END, len(plans.keys), task)
     return numbers

@@ -72,7 +72,7 @@ class Found:
             "forecast": self.forecast.to_json(),
             "pairs": [change.to_json() for change in self.changes],
             "guessed": [list(key) for key in self.guessed],
-            "unobserved": [[*one, *other] for one, other in self.unobserved],
+            "unobserved": [[*key, *other] for key, other in self.unobserved],
             "plan": self.plan.to_json(),
         }
 
@@ -92,60 +92,60 @@ def find_plan(problem: Problem, times: TaskTimes, wish: Wish | None = None, name
     wish = wish or Wish()
     _check_avoided(problem, wish)
     space = space_of(problem)
-    found, bound_s = search(space, times, wish)
-    if not found.best:
-        raise ScenarioError(f"no plan is possible: {_why_none(problem)}")
-    plan = possible_plan(space, found.best[0].candidate, name)
+    result, bound_s = search(space, times, wish)
+    if not result.best:
+        raise ScenarioError(f"no plan is possible: {_explain_no_plan(problem)}")
+    plan = possible_plan(space, result.best[0].candidate, name)
     assert plan is not None  # noqa: S101 - what is impossible is not among the best
     # other draws than those it was chosen by, which flatter it
-    told = forecast(problem, plan, times, seed=wish.seed + 1)
-    _check_due(problem, plan, told)
-    changes, ratio = _against_random(space, times, plan, wish.seed)
+    plan_forecast = forecast(problem, plan, times, seed=wish.seed + 1)
+    _check_due(problem, plan, plan_forecast)
+    changes, ratio = _compare_with_random(space, times, plan, wish.seed)
     return Found(
-        with_expected_times(plan, told),
-        told,
+        with_expected_times(plan, plan_forecast),
+        plan_forecast,
         Wish(wish.objective, chosen_method(space, wish.method), wish.seed, wish.effort, wish.avoid, wish.explore),
-        found,
+        result,
         bound_s,
         tuple(changes),
-        told.mean_s * ratio,
+        plan_forecast.mean_s * ratio,
         tuple(key for key in space.keys if times.times[key].source == "guess"),
-        tuple(_unobserved(times, changes)),
+        tuple(_unobserved_pairs(times, changes)),
     )
 
 
-def _against_random(space: Space, times: TaskTimes, plan: Plan, seed: int) -> tuple[list[PairChange], float]:
+def _compare_with_random(space: Space, times: TaskTimes, plan: Plan, seed: int) -> tuple[list[PairChange], float]:
     """Return what becomes of pairs against random plans, and how many times as long these take in the same worlds."""
     usual = list(islice(random_plans(space.problem, f"usual:{seed}"), _USUAL))
     keys = space.keys
-    encoded, one = (encode_plans(space.problem, keys, plans) for plans in (usual, [plan]))
+    encoded_usual, encoded_plan = (encode_plans(space.problem, keys, plans) for plans in (usual, [plan]))
     size = space.longest()
-    changes = pair_changes(one, encoded, expected_world(times, keys, space.agents, size))
+    changes = pair_changes(encoded_plan, encoded_usual, expected_world(times, keys, space.agents, size))
     worlds = drawn_worlds(times, keys, space.agents, size, _USUAL_WORLDS, seed + 1)
-    others, own = (evaluate(plans, worlds).makespan_s.mean() for plans in (encoded, one))
-    return changes, float(others / own)
+    usual_s, plan_s = (evaluate(plans, worlds).makespan_s.mean() for plans in (encoded_usual, encoded_plan))
+    return changes, float(usual_s / plan_s)
 
 
-def _unobserved(times: TaskTimes, changes: Iterable[PairChange]) -> Iterable[tuple[AgentTask, AgentTask]]:
+def _unobserved_pairs(times: TaskTimes, changes: Iterable[PairChange]) -> Iterable[tuple[AgentTask, AgentTask]]:
     """Yield pairs that run side by side in the plan and of which neither factor was observed."""
     for change in changes:
-        one, other = (change.agent, change.task), (change.other_agent, change.other_task)
-        if change.overlap_s > 0 and not times.observed(one, other) and not times.observed(other, one):
-            yield one, other
+        key, other = (change.agent, change.task), (change.other_agent, change.other_task)
+        if change.overlap_s > 0 and not times.observed(key, other) and not times.observed(other, key):
+            yield key, other
 
 
 def _check_avoided(problem: Problem, wish: Wish) -> None:
-    known = problem.agent_tasks()
+    agent_tasks = problem.agent_tasks()
     for agent, task in (key for pair in wish.avoid or () for key in pair):
-        if (agent, task) not in known:
-            names = ", ".join(f"{name} by {who}" for who, name in known)
+        if (agent, task) not in agent_tasks:
+            names = ", ".join(f"{name} by {who}" for who, name in agent_tasks)
             raise ScenarioError(f"pairs to avoid: found {task!r} by {agent!r}, expected of {names}")
 
 
-def _check_due(problem: Problem, plan: Plan, told: Forecast) -> None:
+def _check_due(problem: Problem, plan: Plan, plan_forecast: Forecast) -> None:
     for item in plan.items:
         due = problem.task(item.task).due_s
-        end = told.items[item.item_id][1]
+        end = plan_forecast.items[item.item_id][1]
         if due is not None and end > due + _LATE_S:
             raise ScenarioError(
                 f"task {item.task!r}: due_s is {due:g}, and the best plan that was found ends it at {end:.1f} s,"
@@ -153,6 +153,6 @@ def _check_due(problem: Problem, plan: Plan, told: Forecast) -> None:
             )
 
 
-def _why_none(problem: Problem) -> str:
+def _explain_no_plan(problem: Problem) -> str:
     kinds = ", ".join(f"{p.before} -> {p.after} ({p.kind})" for p in problem.precedences)
     return f"in every order agents come to wait for each other; loosen one of the precedences: {kinds or 'none'}"

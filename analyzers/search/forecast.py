@@ -1,4 +1,4 @@
-"""What is to be expected of a plan: its makespan with its uncertainty, and when each item starts and ends."""
+"""The forecast of a plan: its makespan with the uncertainty, and when each item starts and ends."""
 
 from __future__ import annotations
 
@@ -94,17 +94,17 @@ def forecast(
     encoded = encode_plans(problem, keys, [plan], mode)
     size = encoded.task.shape[-1]
     expected = evaluate(
-        encoded, expected_world(times, keys, encoded.agents, size), begun=_expected(begun), timeline=True
+        encoded, expected_world(times, keys, encoded.agents, size), begun=_with_mean_work_left(begun), timeline=True
     )
     drawn = evaluate(encoded, drawn_worlds(times, keys, encoded.agents, size, worlds, seed), begun=begun, timeline=True)
     if not np.isfinite(drawn.makespan_s).all() or not np.isfinite(expected.makespan_s).all():
         raise ScenarioError(f"plan {plan.name!r}: it comes to no end, agents stop or wait for each other")
     makespan = drawn.makespan_s[0]
-    calm = evaluate(
+    noiseless = evaluate(
         encoded, drawn_worlds(_without_noise(times), keys, encoded.agents, size, worlds, seed), begun=begun
     ).makespan_s[0]
     mean = float(makespan.mean())
-    low, high = (mean + float(np.quantile(calm, q)) - float(calm.mean()) for q in (0.025, 0.975))
+    low, high = (mean + float(np.quantile(noiseless, q)) - float(noiseless.mean()) for q in (0.025, 0.975))
     return Forecast(
         float(expected.makespan_s[0, 0]),
         mean,
@@ -114,11 +114,11 @@ def forecast(
         float(np.quantile(makespan, 0.5)),
         float(np.quantile(makespan, 0.95)),
         worlds,
-        _items(plan, encoded.agents, expected.start_s, expected.end_s, drawn.end_s),
+        _item_times(plan, encoded.agents, expected.start_s, expected.end_s, drawn.end_s),
     )
 
 
-def _expected(begun: Begun | None) -> Begun | None:
+def _with_mean_work_left(begun: Begun | None) -> Begun | None:
     if begun is None:
         return None
     return replace(begun, left_s={agent: left.mean(keepdims=True) for agent, left in begun.left_s.items()})
@@ -126,30 +126,30 @@ def _expected(begun: Begun | None) -> Begun | None:
 
 def _without_noise(times: TaskTimes) -> TaskTimes:
     """Return times whose executions do not vary and do not fail, with the same expected work."""
-    calm = {}
+    noiseless = {}
     for key, time in times.times.items():
         covariance = None
         if time.covariance is not None:
             covariance = time.covariance.copy()
             covariance[1] = covariance[:, 1] = 0.0
         mu = math.log(expected_work_s(time, times))
-        calm[key] = replace(time, mu=mu, sigma=0.0, covariance=covariance, failure_rate=0.0)
+        noiseless[key] = replace(time, mu=mu, sigma=0.0, covariance=covariance, failure_rate=0.0)
     gaps = {agent: replace(gap, std_s=0.0) for agent, gap in times.gaps.items()}
-    return TaskTimes(calm, gaps)
+    return TaskTimes(noiseless, gaps)
 
 
-def _items(
+def _item_times(
     plan: Plan, agents: tuple[str, ...], start: FloatArray | None, end: FloatArray | None, ends: FloatArray | None
 ) -> dict[str, tuple[float, float, float, float]]:
     assert start is not None  # noqa: S101 - timelines were asked for
     assert end is not None  # noqa: S101 - timelines were asked for
     assert ends is not None  # noqa: S101 - timelines were asked for
     low, high = np.quantile(ends[0], (0.05, 0.95), axis=0)
-    place = {item.item_id: (agents.index(a), n) for a in plan.agents() for n, item in enumerate(plan.queue(a))}
+    index_of = {item.item_id: (agents.index(a), n) for a in plan.agents() for n, item in enumerate(plan.queue(a))}
     return {
-        item_id: (float(start[0, 0][at]), float(end[0, 0][at]), float(low[at]), float(high[at]))
-        for item_id, at in place.items()
-        if np.isfinite(end[0, 0][at])  # the others were over before
+        item_id: (float(start[0, 0][index]), float(end[0, 0][index]), float(low[index]), float(high[index]))
+        for item_id, index in index_of.items()
+        if np.isfinite(end[0, 0][index])  # the others were over before
     }
 
 

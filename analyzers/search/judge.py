@@ -1,4 +1,4 @@
-"""Give plans a number: how good they are in given worlds, by a given objective."""
+"""Score plans: how good they are in given worlds, by a given objective."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hrclog.knowledge.task_times import NOTHING, AgentTask, TaskTimes
 from hrclog.planning.plan import Plan, make_plan
 
 TARDY: Final = 1e6
-"""What a second after a due time counts beside a second of makespan: due times come first."""
+"""Weight of a second after a due time, relative to a second of makespan: due times come first."""
 
 MOST_LANES: Final = 16_384
 """Plans times worlds that are judged at once; more do not fit the processor's cache."""
@@ -63,7 +63,7 @@ class Judge:
         return np.concatenate(parts) if parts else np.empty(0)
 
     def _scores(self, candidates: Sequence[Candidate]) -> FloatArray:
-        encoded, possible = self._encoded(candidates)
+        encoded, possible = self._encode(candidates)
         scores = np.full(len(candidates), np.inf)
         if encoded is not None:
             scores[possible] = self._score(encoded)
@@ -73,19 +73,21 @@ class Judge:
         if self.objective is Objective.CLOSED_FORM:
             return closed_form_s(encoded, self.times)
         due = _due_times(self.space, encoded.keys)
-        found = evaluate(encoded, self.worlds, begun=self.begun, cost=self.cost, timeline=bool(np.isfinite(due).any()))
-        score = found.makespan_s + self.cost_weight * found.cost + TARDY * _tardiness(found, encoded, due)
+        evaluated = evaluate(
+            encoded, self.worlds, begun=self.begun, cost=self.cost, timeline=bool(np.isfinite(due).any())
+        )
+        score = evaluated.makespan_s + self.cost_weight * evaluated.cost + TARDY * _tardiness(evaluated, encoded, due)
         if self.objective is Objective.P95:
             return np.quantile(score, 0.95, axis=1)
         mean: FloatArray = score.mean(axis=1)
         return mean
 
-    def _encoded(self, candidates: Sequence[Candidate]) -> tuple[Encoded | None, list[int]]:
+    def _encode(self, candidates: Sequence[Candidate]) -> tuple[Encoded | None, list[int]]:
         """Return the candidates that are possible, and their places."""
         keys = self.space.keys
         if not self.space.linked:
-            encoded = encode_queues(self.space.agents, keys, [self.space.queues(one) for one in candidates])
-            return _with_rules(encoded, self.space), list(range(len(candidates)))
+            encoded = encode_queues(self.space.agents, keys, [self.space.queues(candidate) for candidate in candidates])
+            return _add_rules(encoded, self.space), list(range(len(candidates)))
         plans, places = [], []
         for place, candidate in enumerate(candidates):
             plan = possible_plan(self.space, candidate)
@@ -103,7 +105,7 @@ def possible_plan(space: Space, candidate: Candidate, name: str = "plan") -> Pla
         return None
 
 
-def _with_rules(encoded: Encoded, space: Space) -> Encoded:
+def _add_rules(encoded: Encoded, space: Space) -> Encoded:
     """Add what the tasks themselves ask for: release times and resources."""
     releases = np.array([space.problem.task(task).release_s for _, task in encoded.keys] + [0.0])
     not_before = releases[encoded.task] if releases.any() else None
@@ -115,10 +117,10 @@ def _due_times(space: Space, keys: Sequence[AgentTask]) -> FloatArray:
     return np.array([*(np.inf if instant is None else instant for instant in due), np.inf])
 
 
-def _tardiness(found: Evaluated, encoded: Encoded, due: FloatArray) -> FloatArray:
-    """Return by how much items end after they are due, all together; (B, S)."""
-    if found.end_s is None:
-        return np.zeros_like(found.makespan_s)
-    late = (found.end_s - due[encoded.task[:, None, :, :-1]]).clip(0.0)
+def _tardiness(evaluated: Evaluated, encoded: Encoded, due: FloatArray) -> FloatArray:
+    """Return the total time by which items end after they are due; (B, S)."""
+    if evaluated.end_s is None:
+        return np.zeros_like(evaluated.makespan_s)
+    late = (evaluated.end_s - due[encoded.task[:, None, :, :-1]]).clip(0.0)
     total: FloatArray = np.nansum(np.where(np.isfinite(late), late, 0.0), axis=(2, 3))
     return total

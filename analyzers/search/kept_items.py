@@ -1,4 +1,4 @@
-"""Items of a plan that a run goes on with: those that it had before keep their ids, and what belongs to them."""
+"""Items of a new plan for a run that goes on: items that it had before keep their ids and what belongs to the ids."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ def with_ids(plan: Plan, fixed: Mapping[str, Sequence[PlanItem]], state: RunStat
     kept: dict[str, PlanItem] = {}
     for agent in plan.agents():
         for place, item in enumerate(plan.queue(agent)):
-            known = _known(item, place, fixed[agent], free[agent])
-            names[item.item_id] = known.item_id if known else _new_id(agent, used)
-            if known:
-                kept[names[item.item_id]] = known
+            match = _matching_item(item, place, fixed[agent], free[agent])
+            names[item.item_id] = match.item_id if match else _new_id(agent, used)
+            if match:
+                kept[names[item.item_id]] = match
     items = []
     for item in plan.items:
         name = names[item.item_id]
-        before = kept.get(name, item)
-        needs = tuple(dict.fromkeys((*item.needs, *before.needs)))
+        original = kept.get(name, item)
+        needs = tuple(dict.fromkeys((*item.needs, *original.needs)))
         after = tuple(names[other] for other in item.after)
-        items.append(replace(item, item_id=name, after=after, needs=needs, timeout_s=before.timeout_s))
+        items.append(replace(item, item_id=name, after=after, needs=needs, timeout_s=original.timeout_s))
     return replace(plan, items=tuple(items), arrivals=_arrivals(plan, items, state))
 
 
 def _arrivals(plan: Plan, items: Iterable[PlanItem], state: RunState) -> tuple[Arrival, ...]:
     """Return when what the items need arrives, as far as it is known."""
-    told = {arrival.fact: arrival for arrival in (*state.plan.arrivals, *plan.arrivals)}
+    planned = {arrival.fact: arrival for arrival in (*state.plan.arrivals, *plan.arrivals)}
     facts = dict.fromkeys(fact for item in items for fact in item.needs)
-    here = {fact: Arrival(fact, state.now_s) for fact in facts if fact in state.facts}
-    return tuple({**here, **told}[fact] for fact in facts if fact in here or fact in told)
+    arrived = {fact: Arrival(fact, state.now_s) for fact in facts if fact in state.facts}
+    return tuple({**arrived, **planned}[fact] for fact in facts if fact in arrived or fact in planned)
 
 
-def _known(item: PlanItem, place: int, fixed: Sequence[PlanItem], free: list[PlanItem]) -> PlanItem | None:
-    """Return the item of the present plan that an item of the new one is, if it is one."""
+def _matching_item(item: PlanItem, place: int, fixed: Sequence[PlanItem], free: list[PlanItem]) -> PlanItem | None:
+    """Return the item of the current plan that corresponds to an item of the new one, None without one."""
     if place < len(fixed):
         return fixed[place]
-    for known in free:
-        if known.task == item.task:
-            free.remove(known)
-            return known
+    for candidate in free:
+        if candidate.task == item.task:
+            free.remove(candidate)
+            return candidate
     return None
 
 

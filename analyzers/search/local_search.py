@@ -26,7 +26,7 @@ from hrclog.wording import counted
 
 _BATCH: Final = 96
 _MEMORY: Final = 20
-"""How many steps before a plan may have been as bad as the next one."""
+"""How many steps back the score lies that the next plan must not exceed."""
 
 _PATIENCE: Final = 12
 """Neighbours judged without a new best plan before the search moves elsewhere, per neighbour that there is."""
@@ -88,13 +88,13 @@ def local_search(
         if elite.best[0].score < top.score:
             top, misses, kicks = elite.best[0], 0, 0
         elif misses > patience:
-            kicked = _kicked(top.candidate, moves, _KICKS[kicks % len(_KICKS)], source)
+            kicked = _kick(top.candidate, moves, _KICKS[kicks % len(_KICKS)], source)
             walk, misses, kicks = _Walk(Ranked(elite.scores([kicked])[0], kicked)), 0, kicks + 1
     return elite.search(f"after {counted(elite.judged, 'plan')}")
 
 
 class _Walk:
-    """Goes from plan to plan, also to worse ones, as long as they are no worse than that of `_MEMORY` steps before."""
+    """Goes from plan to plan; accepts worse plans that are no worse than the plan of `_MEMORY` steps before."""
 
     def __init__(self, start: Ranked) -> None:
         self.at = start
@@ -118,17 +118,19 @@ class _Elite:
 
     def scores(self, candidates: Sequence[Candidate]) -> list[float]:
         """Return the score of each candidate."""
-        new = [candidate for candidate in candidates if candidate not in self._known]
-        found = dict(zip(new, self._judge.scores(new).tolist(), strict=True))
-        self.judged += len(new)
-        self._take_in(found)
-        scores = [found[one] if one in found else self._known[one] for one in candidates]
-        self._known |= found if len(self._known) < _REMEMBERED else {}
+        unknown = [candidate for candidate in candidates if candidate not in self._known]
+        new_scores = dict(zip(unknown, self._judge.scores(unknown).tolist(), strict=True))
+        self.judged += len(unknown)
+        self._update_best(new_scores)
+        scores = [
+            new_scores[candidate] if candidate in new_scores else self._known[candidate] for candidate in candidates
+        ]
+        self._known |= new_scores if len(self._known) < _REMEMBERED else {}
         return scores
 
-    def _take_in(self, found: Mapping[Candidate, float]) -> None:
+    def _update_best(self, scores: Mapping[Candidate, float]) -> None:
         worst = self.best[-1].score if len(self.best) >= self._keep else np.inf
-        better = [Ranked(score, candidate) for candidate, score in found.items() if score < worst]
+        better = [Ranked(score, candidate) for candidate, score in scores.items() if score < worst]
         if better:
             self.best = sorted({*self.best, *better})[: self._keep]
 
@@ -151,10 +153,10 @@ def _random_free(space: Space, source: random.Random) -> Candidate:
     for unit, count in enumerate(space.counts):
         for _ in range(count):
             rows[space.agents.index(pick(space.units[unit].agents, source))].append(unit)
-    return tuple(tuple(_shuffled(row, source)) for row in rows)
+    return tuple(tuple(_shuffle(row, source)) for row in rows)
 
 
-def _shuffled(row: list[int], source: random.Random) -> list[int]:
+def _shuffle(row: list[int], source: random.Random) -> list[int]:
     return [unit for _, unit in sorted((source.random(), unit) for unit in row)]
 
 
@@ -170,13 +172,13 @@ def _random_linked(space: Space, source: random.Random) -> Candidate:
 
 def _moves(space: Space) -> list[Move]:
     """Return the moves that can change something in a space."""
-    found: list[Move] = []
+    moves: list[Move] = []
     if len(space.units) > 1 or len(space.agents) > 1:
-        found += [_swap, _relocate]
+        moves += [_swap, _relocate]
     if any(len(unit.agents) > 1 for unit in space.units):
         domains = [frozenset(space.agents.index(agent) for agent in unit.agents) for unit in space.units]
-        found += [_reassign(domains), _exchange(domains)]
-    return found
+        moves += [_reassign(domains), _exchange(domains)]
+    return moves
 
 
 def _neighbours(space: Space) -> int:
@@ -186,21 +188,21 @@ def _neighbours(space: Space) -> int:
 
 
 def _neighbourhood(candidate: Candidate, moves: Sequence[Move], source: random.Random) -> list[Candidate]:
-    found: dict[Candidate, None] = {}
+    neighbours: dict[Candidate, None] = {}
     for _ in range(2 * _BATCH):
         rows = [list(row) for row in candidate]
         if pick(moves, source)(rows, source):
-            found[tuple(map(tuple, rows))] = None
-            if len(found) == _BATCH:
+            neighbours[tuple(map(tuple, rows))] = None
+            if len(neighbours) == _BATCH:
                 break
-    found.pop(candidate, None)
-    return list(found)
+    neighbours.pop(candidate, None)
+    return list(neighbours)
 
 
-def _kicked(candidate: Candidate, moves: Sequence[Move], count: int, source: random.Random) -> Candidate:
+def _kick(candidate: Candidate, moves: Sequence[Move], count: int, source: random.Random) -> Candidate:
     rows = [list(row) for row in candidate]
-    done = sum(pick(moves, source)(rows, source) for _ in range(8 * count) if count)
-    return tuple(map(tuple, rows)) if done else candidate
+    n_changes = sum(pick(moves, source)(rows, source) for _ in range(8 * count) if count)
+    return tuple(map(tuple, rows)) if n_changes else candidate
 
 
 def _place(row: Sequence[object], source: random.Random) -> int:
@@ -245,14 +247,14 @@ def _reassign(domains: Sequence[frozenset[int]]) -> Move:
 
 def _exchange(domains: Sequence[frozenset[int]]) -> Move:
     def move(rows: list[list[int]], source: random.Random) -> bool:
-        one, other = _place(rows, source), _place(rows, source)
-        if one == other or not rows[one] or not rows[other]:
+        first_agent, second_agent = _place(rows, source), _place(rows, source)
+        if first_agent == second_agent or not rows[first_agent] or not rows[second_agent]:
             return False
-        a, b = _place(rows[one], source), _place(rows[other], source)
-        first, second = rows[one][a], rows[other][b]
-        if first == second or other not in domains[first] or one not in domains[second]:
+        a, b = _place(rows[first_agent], source), _place(rows[second_agent], source)
+        first, second = rows[first_agent][a], rows[second_agent][b]
+        if first == second or second_agent not in domains[first] or first_agent not in domains[second]:
             return False
-        rows[one][a], rows[other][b] = second, first
+        rows[first_agent][a], rows[second_agent][b] = second, first
         return True
 
     return move

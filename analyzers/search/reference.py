@@ -53,29 +53,29 @@ def best_by_durations(
     keys = space.keys
     worlds = expected_world(by_mean_durations(times), keys, space.agents, space.longest(), synergies=False)
     judge = Judge(space, worlds, cost=_costs(keys, apart), cost_weight=_FORBIDDEN)
-    few = space.size(most) <= most
-    found = judge_all(judge, keep=most) if few else local_search(judge, effort, seed, keep=_TIES_KEPT)
-    ties = [one for one in found.best if one.score <= found.best[0].score * (1 + _TIE)]
+    enumerable = space.size(most) <= most
+    result = judge_all(judge, keep=most) if enumerable else local_search(judge, effort, seed, keep=_TIES_KEPT)
+    ties = [ranked for ranked in result.best if ranked.score <= result.best[0].score * (1 + _TIE)]
     source = random.Random(f"ties:{seed}")  # noqa: S311 - reproducible planning, no cryptography
     chosen = [pick(ties, source)] if ties else []
-    return replace(found, best=(*chosen, *(one for one in ties if one not in chosen)))
+    return replace(result, best=(*chosen, *(ranked for ranked in ties if ranked not in chosen)))
 
 
 def harmful_pairs(times: TaskTimes) -> tuple[tuple[AgentTask, AgentTask], ...]:
     """Return the pairs of which one task makes the other longer, beyond what chance would show one time in twenty."""
-    found = []
+    pairs = []
     for key, time in times.times.items():
         for place, factor in enumerate(time.factors):
             variance = 0.0 if time.covariance is None else float(time.covariance[2 + place, 2 + place])
             if factor.log_s > _HARM * math.sqrt(max(variance, 0.0)):
-                found.append((key, (factor.other_agent, factor.other_task)))
-    return tuple(sorted(found))
+                pairs.append((key, (factor.other_agent, factor.other_task)))
+    return tuple(sorted(pairs))
 
 
 def _costs(keys: Sequence[AgentTask], pairs: Pairs) -> FloatArray | None:
     cost = np.zeros((len(keys) + 1, len(keys) + 1))
-    for one, other in pairs:
-        if one in keys and other in keys:
-            i, j = keys.index(one), keys.index(other)
+    for key, other in pairs:
+        if key in keys and other in keys:
+            i, j = keys.index(key), keys.index(other)
             cost[i, j] = cost[j, i] = 1.0
     return cost if cost.any() else None

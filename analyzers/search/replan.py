@@ -1,7 +1,7 @@
 """Plan the rest of a run that goes on: after a failure, or when it is late.
 
-What is over or under way stays as it is; an agent that has begun a chain of tasks goes on with it; all else, work that
-failed too, is planned anew. A chain that an agent has left for other work is begun again from its first task.
+What is over or under way stays as it is. An agent that has begun a chain of tasks goes on with it. Everything else,
+including failed work, is planned anew. A chain that an agent left for other work starts again from its first task.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def replanner(problem: Problem, times: TaskTimes, objective: Objective = Objecti
     import scipy.special  # noqa: F401 - loaded before the run goes on, as it takes longer than a plan
 
     def replan(state: RunState, _reason: str) -> Plan | None:
-        found = plan_rest(problem, times, state, objective, seed)
-        return found[0] if found else None
+        result = plan_rest(problem, times, state, objective, seed)
+        return result[0] if result else None
 
     return replan
 
@@ -91,40 +91,42 @@ def plan_rest(
     if objective is Objective.CLOSED_FORM:
         raise ScenarioError("objective closed-form: it judges whole plans, not the rest of a run; choose mean or p95")
     rest = rest_of(problem, times, state, seed)
-    worlds = _worlds(rest.space, times, _WORLDS, seed)
+    worlds = _draw_worlds(rest.space, times, _WORLDS, seed)
     judge = Judge(rest.space, worlds, objective, rest.begun)
-    before = _present(rest, state)
-    starts = [before] if before is not None else []
-    few = rest.space.size(_MOST_ENUMERATED) <= _MOST_ENUMERATED
-    found = judge_all(judge) if few else local_search(judge, _EFFORT, seed, starts=starts)
-    if not found.best:
+    current = _current_candidate(rest, state)
+    starts = [current] if current is not None else []
+    enumerable = rest.space.size(_MOST_ENUMERATED) <= _MOST_ENUMERATED
+    result = judge_all(judge) if enumerable else local_search(judge, _EFFORT, seed, starts=starts)
+    if not result.best:
         raise ScenarioError("no plan for the rest of the run is possible: agents would wait for each other")
-    best = found.best[0]
-    if before is not None and not _is_better(best, float(judge.scores([before])[0])):
+    best = result.best[0]
+    if current is not None and not _is_better(best, float(judge.scores([current])[0])):
         return None
     plan = possible_plan(rest.space, best.candidate, state.plan.name)
     assert plan is not None  # noqa: S101 - what is impossible is not among the best
     renamed = with_ids(plan, rest.fixed, state)
-    begun = replace(rest.begun, left_s=_left(problem, times, state, rest.fixed, _WORLDS_TOLD, seed))
-    told = forecast(problem, renamed, times, worlds=_WORLDS_TOLD, seed=seed, begun=begun)
-    return _timed(renamed, told, state), told
+    begun = replace(rest.begun, left_s=_draw_work_left(problem, times, state, rest.fixed, _WORLDS_TOLD, seed))
+    rest_forecast = forecast(problem, renamed, times, worlds=_WORLDS_TOLD, seed=seed, begun=begun)
+    return _with_times(renamed, rest_forecast, state), rest_forecast
 
 
 def rest_of(problem: Problem, times: TaskTimes, state: RunState, seed: int = 0) -> Rest:
     """Return what is left of a run."""
-    fixed = {agent: tuple(_unbroken(problem, _fixed(agent, state))) for agent in problem.agents}
+    fixed = {agent: tuple(_drop_broken_chains(problem, _fixed_items(agent, state))) for agent in problem.agents}
     whole = space_of(problem)
-    begun = {agent: (*(item.task for item in items), *_chain(problem, items)) for agent, items in fixed.items()}
-    counts = _left_counts(whole, begun)
+    begun = {
+        agent: (*(item.task for item in items), *_tasks_to_follow(problem, items)) for agent, items in fixed.items()
+    }
+    counts = _count_units_left(whole, begun)
     units = [unit for unit, count in zip(whole.units, counts, strict=True) if count]
     space = Space(problem, tuple(units), tuple(count for count in counts if count), begun)
     started = {agent: state.now_s - run.since_s for agent, run in state.running.items() if run.since_s is not None}
     over = {agent: sum(item.item_id in state.outcomes for item in items) for agent, items in fixed.items()}
-    left = _left(problem, times, state, fixed, _WORLDS, seed)
+    left = _draw_work_left(problem, times, state, fixed, _WORLDS, seed)
     return Rest(space, Begun(state.now_s, 0.0, over, started, left), fixed)
 
 
-def _fixed(agent: str, state: RunState) -> Iterator[PlanItem]:
+def _fixed_items(agent: str, state: RunState) -> Iterator[PlanItem]:
     """Yield the items that succeeded, then the one under way."""
     queue = state.plan.queue(agent)
     yield from (item for item in queue if state.outcomes.get(item.item_id) == Outcome.SUCCEEDED)
@@ -132,8 +134,8 @@ def _fixed(agent: str, state: RunState) -> Iterator[PlanItem]:
         yield from (item for item in queue if item.item_id == state.running[agent].item_id)
 
 
-def _unbroken(problem: Problem, items: Iterable[PlanItem]) -> Iterator[PlanItem]:
-    """Yield the items but for those of chains that the agent left before their end; the last may still be going on."""
+def _drop_broken_chains(problem: Problem, items: Iterable[PlanItem]) -> Iterator[PlanItem]:
+    """Yield the items, except those of chains that the agent left unfinished; the last chain may still go on."""
     follower = _followers(problem)
     chain: list[PlanItem] = []
     for item in items:
@@ -150,7 +152,7 @@ def _followers(problem: Problem) -> dict[str, str]:
     return {p.before: p.after for p in problem.precedences if p.kind is PrecedenceKind.NEXT}
 
 
-def _chain(problem: Problem, items: tuple[PlanItem, ...]) -> Iterator[str]:
+def _tasks_to_follow(problem: Problem, items: tuple[PlanItem, ...]) -> Iterator[str]:
     """Yield the tasks that must directly follow the last of an agent's items."""
     follower = _followers(problem)
     task = items[-1].task if items else ""
@@ -159,24 +161,24 @@ def _chain(problem: Problem, items: tuple[PlanItem, ...]) -> Iterator[str]:
         yield task
 
 
-def _left_counts(space: Space, begun: Mapping[str, tuple[str, ...]]) -> list[int]:
+def _count_units_left(space: Space, begun: Mapping[str, tuple[str, ...]]) -> list[int]:
     """Return how often each unit is still to be begun; what only few agents may do is taken to be done first."""
     counts = list(space.counts)
     heads = {agent: Counter(tasks) for agent, tasks in begun.items()}
     for number in sorted(range(len(counts)), key=lambda unit: len(space.units[unit].agents)):
         unit = space.units[number]
         for agent in unit.agents:
-            done = min(heads[agent][unit.tasks[0]], counts[number])
-            heads[agent][unit.tasks[0]] -= done
-            counts[number] -= done
+            n_begun = min(heads[agent][unit.tasks[0]], counts[number])
+            heads[agent][unit.tasks[0]] -= n_begun
+            counts[number] -= n_begun
     return counts
 
 
-def _worlds(space: Space, times: TaskTimes, count: int, seed: int) -> Worlds:
+def _draw_worlds(space: Space, times: TaskTimes, count: int, seed: int) -> Worlds:
     return drawn_worlds(times, space.keys, space.agents, space.longest(), count, seed)
 
 
-def _left(
+def _draw_work_left(
     problem: Problem,
     times: TaskTimes,
     state: RunState,
@@ -197,33 +199,33 @@ def _left(
         if (agent, task) not in times.times:
             raise ScenarioError(f"how long does it take: {task} by {agent}? No run shows it, and no guess is declared")
         time = times.times[agent, task]
-        done = max(_work_done(times, (agent, task), since_s, running), 1e-9)
+        work_done = max(_work_done(times, (agent, task), since_s, running), 1e-9)
         sigma = max(time.sigma, _LEAST_SIGMA)
-        beyond = float(ndtr((np.log(done) - time.mu) / sigma))
+        beyond = float(ndtr((np.log(work_done) - time.mu) / sigma))
         levels = beyond + (1 - beyond) * np.random.default_rng([seed % 2**64, number]).random(count)
         work = np.exp(time.mu + sigma * ndtri(levels.clip(0.0, 1 - 1e-12)))
-        left[agent] = (work - done).clip(0.01)
+        left[agent] = (work - work_done).clip(0.01)
     return left
 
 
 def _work_done(
     times: TaskTimes, key: tuple[str, str], since_s: float, running: Mapping[str, tuple[str, float | None]]
 ) -> float:
-    """Return how much work was done, as if beside nobody before those came who are there now."""
+    """Return how much work was done; it ignores other agents' tasks that ended before now."""
     factors = {(f.other_agent, f.other_task): f.log_s for f in times.times[key].factors}
     cuts = sorted(
         (min(other_since, since_s), factors.get((agent, task), 0.0))
         for agent, (task, other_since) in running.items()
         if agent != key[0] and other_since is not None
     )
-    done, reached, log_s = 0.0, 0.0, sum(factor for _, factor in cuts)
+    work_done, reached_s, log_s = 0.0, 0.0, sum(factor for _, factor in cuts)
     for before_s, factor in cuts:
-        done += (before_s - reached) * float(np.exp(-log_s))
-        reached, log_s = before_s, log_s - factor
-    return done + since_s - reached
+        work_done += (before_s - reached_s) * float(np.exp(-log_s))
+        reached_s, log_s = before_s, log_s - factor
+    return work_done + since_s - reached_s
 
 
-def _present(rest: Rest, state: RunState) -> Candidate | None:
+def _current_candidate(rest: Rest, state: RunState) -> Candidate | None:
     """Return the plan that is followed now as a candidate; None if it does not do all that is left."""
     left = {item.item_id for item in state.left()}
     orders = {}
@@ -240,17 +242,17 @@ def _present(rest: Rest, state: RunState) -> Candidate | None:
     return candidate if same else None
 
 
-def _is_better(best: Ranked, present: float) -> bool:
-    return best.score < present - LEAST_GAIN_S
+def _is_better(best: Ranked, current_score: float) -> bool:
+    return best.score < current_score - LEAST_GAIN_S
 
 
-def _timed(plan: Plan, told: Forecast, state: RunState) -> Plan:
+def _with_times(plan: Plan, rest_forecast: Forecast, state: RunState) -> Plan:
     """Return the plan with expected times; what is over keeps the times that it had."""
-    before = {item.item_id: (item.planned_start_s, item.planned_end_s) for item in state.plan.items}
+    old_times = {item.item_id: (item.planned_start_s, item.planned_end_s) for item in state.plan.items}
     items = []
-    for item in with_expected_times(plan, told).items:
+    for item in with_expected_times(plan, rest_forecast).items:
         if item.item_id in state.outcomes:
-            start, end = before[item.item_id]
+            start, end = old_times[item.item_id]
             items.append(replace(item, planned_start_s=start, planned_end_s=end))
         else:
             items.append(item)

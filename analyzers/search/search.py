@@ -94,37 +94,37 @@ def solved(quest: Quest) -> tuple[Search, float]:
     from hrclog.analyzers.search.cpsat import cpsat
 
     wish = quest.wish
-    solution = cpsat(quest.space, _believed(quest), min(wish.effort.seconds, _CPSAT_SECONDS), wish.seed)
+    solution = cpsat(quest.space, _guiding_world(quest), min(wish.effort.seconds, _CPSAT_SECONDS), wish.seed)
     return solution.search, quest.bound_s if wish.explore else max(quest.bound_s, solution.bound_s)
 
 
 def searched(quest: Quest) -> tuple[Search, float]:
     """Search the expected world locally, and judge the best plans by all worlds."""
     wish = quest.wish
-    guide = Judge(quest.space, _believed(quest), _near(wish.objective), times=quest.times)
-    return _judged_again(local_search(guide, wish.effort, wish.seed, keep=_KEPT), _judge(quest)), quest.bound_s
+    guide = Judge(quest.space, _guiding_world(quest), _one_world_objective(wish.objective), times=quest.times)
+    return _rejudge(local_search(guide, wish.effort, wish.seed, keep=_KEPT), _make_judge(quest)), quest.bound_s
 
 
 def enumerated(quest: Quest) -> tuple[Search, float]:
     """Judge all plans by all worlds."""
-    return judge_all(_judge(quest), seconds=quest.wish.effort.seconds), quest.bound_s
+    return judge_all(_make_judge(quest), seconds=quest.wish.effort.seconds), quest.bound_s
 
 
-def _judge(quest: Quest) -> Judge:
-    return Judge(quest.space, _worlds(quest), quest.wish.objective, times=quest.times)
+def _make_judge(quest: Quest) -> Judge:
+    return Judge(quest.space, _draw_worlds(quest), quest.wish.objective, times=quest.times)
 
 
-def _near(objective: Objective) -> Objective:
+def _one_world_objective(objective: Objective) -> Objective:
     """Return what is small in the expected world where an objective is small; there are no quantiles in one world."""
     return objective if objective is Objective.CLOSED_FORM else Objective.MEAN
 
 
-def _believed(quest: Quest) -> Worlds:
+def _guiding_world(quest: Quest) -> Worlds:
     """Return the one world that a search is guided by: the expected one, in exploration with the factors drawn."""
-    return replace(quest.expected, rate=_worlds(quest).rate[:1]) if quest.wish.explore else quest.expected
+    return replace(quest.expected, rate=_draw_worlds(quest).rate[:1]) if quest.wish.explore else quest.expected
 
 
-def _worlds(quest: Quest) -> Worlds:
+def _draw_worlds(quest: Quest) -> Worlds:
     space, times, wish = quest.space, quest.times, quest.wish
     worlds = drawn_worlds(times, space.keys, space.agents, space.longest(), WORLDS, wish.seed)
     if wish.explore:
@@ -132,10 +132,10 @@ def _worlds(quest: Quest) -> Worlds:
     return worlds
 
 
-def _judged_again(found: Search, judge: Judge) -> Search:
-    candidates = [ranked.candidate for ranked in found.best]
+def _rejudge(result: Search, judge: Judge) -> Search:
+    candidates = [ranked.candidate for ranked in result.best]
     scores = judge.scores(candidates).tolist()
-    return replace(found, best=tuple(sorted(map(Ranked, scores, candidates))))
+    return replace(result, best=tuple(sorted(map(Ranked, scores, candidates))))
 
 
 SEARCHES: Final[Mapping[str, Callable[[Quest], tuple[Search, float]]]] = {

@@ -61,7 +61,7 @@ class Space:
 
         Where an agent's own work and work for anybody begin with the same task, its own is taken to be done first.
         """
-        left = list(self.counts)
+        counts_left = list(self.counts)
         by_freedom = sorted(range(len(self.units)), key=lambda number: len(self.units[number].agents))
         rows = []
         for agent in self.agents:
@@ -69,8 +69,8 @@ class Space:
             for task in orders.get(agent, ()):
                 fitting = [n for n in by_freedom if self.units[n].tasks[0] == task and agent in self.units[n].agents]
                 if fitting:
-                    row.append(next((number for number in fitting if left[number]), fitting[-1]))
-                    left[row[-1]] -= 1
+                    row.append(next((number for number in fitting if counts_left[number]), fitting[-1]))
+                    counts_left[row[-1]] -= 1
             rows.append(tuple(row))
         return tuple(rows)
 
@@ -139,6 +139,6 @@ def _arrangements(counts: Sequence[int]) -> Iterator[tuple[int, ...]]:
         return
     for unit, count in enumerate(counts):
         if count:
-            left = [n - (index == unit) for index, n in enumerate(counts)]
-            for rest in _arrangements(left):
+            counts_left = [n - (index == unit) for index, n in enumerate(counts)]
+            for rest in _arrangements(counts_left):
                 yield (unit, *rest)

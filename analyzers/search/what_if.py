@@ -27,13 +27,13 @@ def read_overrides(path: Path) -> dict[tuple[AgentTask, AgentTask], float]:
         ScenarioError: the file cannot be read, or a field is missing or wrong.
     """
     record = JsonRecord(read_json(path, "synergies"), str(path), ("synergies",))
-    found: dict[tuple[AgentTask, AgentTask], float] = {}
+    overrides: dict[tuple[AgentTask, AgentTask], float] = {}
     for entry in record.records("synergies", (*_PAIR, "synergy")):
         key, other = _pair(entry)
-        if (key, other) in found:
+        if (key, other) in overrides:
             raise ScenarioError(f"{entry.where}: {key[1]} by {key[0]} beside {other[1]} is given twice; remove one")
-        found[key, other] = entry.positive("synergy")
-    return found
+        overrides[key, other] = entry.positive("synergy")
+    return overrides
 
 
 def read_pairs(path: Path) -> tuple[tuple[AgentTask, AgentTask], ...]:
@@ -61,16 +61,18 @@ def with_overrides(times: TaskTimes, overrides: Overrides) -> TaskTimes:
     """
     changed = dict(times.times)
     for (key, other), factor in sorted(overrides.items()):
-        for one in (key, other):
-            if one not in changed:
-                known = ", ".join(f"{task} by {agent}" for agent, task in sorted(changed))
-                raise ScenarioError(f"synergy of {one[1]!r} by {one[0]!r}: nothing is known of it; known are {known}")
+        for agent_task in (key, other):
+            if agent_task not in changed:
+                names = ", ".join(f"{task} by {agent}" for agent, task in sorted(changed))
+                raise ScenarioError(
+                    f"synergy of {agent_task[1]!r} by {agent_task[0]!r}: nothing is known of it; known are {names}"
+                )
         changed[key] = _with_factor(changed[key], other, factor)
     return replace(times, times=changed)
 
 
 def _with_factor(time: TaskTime, other: AgentTask, factor: float) -> TaskTime:
-    names = [(known.other_agent, known.other_task) for known in time.factors]
+    names = [(existing.other_agent, existing.other_task) for existing in time.factors]
     if other not in names:
         wider = None if time.covariance is None else np.pad(time.covariance, (0, 1))
         return replace(time, factors=(*time.factors, Factor(*other, math.log(factor), 0)), covariance=wider)

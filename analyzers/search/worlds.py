@@ -1,4 +1,4 @@
-"""Worlds in which plans are carried out: how long each execution would take, drawn from what is known."""
+"""Worlds in which plans are evaluated: how long each execution would take, drawn from the known task times."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def expected_world(
     Raises:
         ScenarioError: nothing is known of a key.
     """
-    known = _known(times, keys)
-    work = np.array([expected_work_s(time, times) for time in known])
-    log_s = _log_factors(known, keys, [np.array([f.log_s for f in time.factors])[None] for time in known], 1)
+    key_times = _times_of(times, keys)
+    work = np.array([expected_work_s(time, times) for time in key_times])
+    log_s = _log_factors(key_times, keys, [np.array([f.log_s for f in time.factors])[None] for time in key_times], 1)
     return Worlds(
         np.broadcast_to(work[None, :, None], (1, len(keys), size)),
         np.exp(-log_s if synergies else 0.0 * log_s),
@@ -81,30 +81,30 @@ def drawn_worlds(
     Raises:
         ScenarioError: nothing is known of a key.
     """
-    known = _known(times, keys)
+    key_times = _times_of(times, keys)
     source = np.random.default_rng(seed % 2**64)
     work = np.empty((count, len(keys), size))
     factors = []
-    for number, time in enumerate(known):
-        drawn = _parameters(time, _normal(source, count, 2 + len(time.factors)))
-        noise = _normal(source, count, size)
+    for number, time in enumerate(key_times):
+        drawn = _draw_parameters(time, _draw_normal(source, count, 2 + len(time.factors)))
+        noise = _draw_normal(source, count, size)
         work[:, number] = np.exp(drawn[:, :1] + np.exp(drawn[:, 1:2]) * noise)
         if time.failure_rate:
-            work[:, number] += _failures(time, _normal(source, count, size)) * _tried_s(time, times)
+            work[:, number] += _draw_failures(time, _draw_normal(source, count, size)) * _attempt_s(time, times)
         factors.append(drawn[:, 2:])
-    unknown = UNKNOWN_DEVIATION * _normal(source, count, (len(keys) + 1) ** 2)
-    log_s = _log_factors(known, keys, factors, count, unknown.reshape(count, len(keys) + 1, -1))
-    gap = np.stack([_gaps(times.gaps.get(agent), _normal(source, count, size)) for agent in agents], axis=1)
+    unknown = UNKNOWN_DEVIATION * _draw_normal(source, count, (len(keys) + 1) ** 2)
+    log_s = _log_factors(key_times, keys, factors, count, unknown.reshape(count, len(keys) + 1, -1))
+    gap = np.stack([_draw_gaps(times.gaps.get(agent), _draw_normal(source, count, size)) for agent in agents], axis=1)
     return Worlds(work, np.exp(-log_s), gap)
 
 
-def _known(times: TaskTimes, keys: Sequence[AgentTask]) -> list[TaskTime]:
+def _times_of(times: TaskTimes, keys: Sequence[AgentTask]) -> list[TaskTime]:
     missing = [key for key in keys if key not in times.times]
     if missing:
-        told = ", ".join(f"{task} by {agent}" for agent, task in missing[:4])
+        names = ", ".join(f"{task} by {agent}" for agent, task in missing[:4])
         more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
         raise ScenarioError(
-            f"how long does it take: {told}{more}? No run shows it, and no guess is declared; add expected_s to the"
+            f"how long does it take: {names}{more}? No run shows it, and no guess is declared; add expected_s to the"
             " task, or learn from runs with it: hrclog kb update"
         )
     return [times.times[key] for key in keys]
@@ -113,40 +113,40 @@ def _known(times: TaskTimes, keys: Sequence[AgentTask]) -> list[TaskTime]:
 def expected_work_s(time: TaskTime, times: TaskTimes) -> float:
     """Return the expected work of an item, with the attempts that fail before one succeeds."""
     failures = time.failure_rate / (1.0 - time.failure_rate)
-    return time.mean_s + failures * _tried_s(time, times)
+    return time.mean_s + failures * _attempt_s(time, times)
 
 
-def _failures(time: TaskTime, normal: FloatArray) -> FloatArray:
+def _draw_failures(time: TaskTime, normal: FloatArray) -> FloatArray:
     """Return how many attempts fail before one succeeds, geometric, shape as `normal`."""
     from scipy.special import log_ndtr
 
-    found: FloatArray = np.floor(log_ndtr(normal) / math.log(time.failure_rate))
-    return found
+    failures: FloatArray = np.floor(log_ndtr(normal) / math.log(time.failure_rate))
+    return failures
 
 
-def _tried_s(time: TaskTime, times: TaskTimes) -> float:
+def _attempt_s(time: TaskTime, times: TaskTimes) -> float:
     """Return what a failed attempt costs: itself, and the gap before the next."""
     return time.failed_s + _mean_gap(times, time.agent)
 
 
-def _normal(source: np.random.Generator, count: int, size: int) -> FloatArray:
+def _draw_normal(source: np.random.Generator, count: int, size: int) -> FloatArray:
     half = source.standard_normal(((count + 1) // 2, size))
     return np.concatenate([half, -half])[:count]
 
 
-def _parameters(time: TaskTime, normal: FloatArray) -> FloatArray:
+def _draw_parameters(time: TaskTime, normal: FloatArray) -> FloatArray:
     """Return draws of (mu, log sigma, log s ...), shape (S, 2 + P)."""
     center = np.array([time.mu, math.log(max(time.sigma, 1e-9)), *(factor.log_s for factor in time.factors)])
     if time.covariance is None:
         return np.broadcast_to(center, normal.shape).copy()
     values, vectors = np.linalg.eigh((time.covariance + time.covariance.T) / 2)
     root = vectors * np.sqrt(values.clip(0.0))
-    found: FloatArray = center + normal @ root.T
-    return found
+    draws: FloatArray = center + normal @ root.T
+    return draws
 
 
 def _log_factors(
-    known: Sequence[TaskTime],
+    key_times: Sequence[TaskTime],
     keys: Sequence[AgentTask],
     drawn: Sequence[FloatArray],
     count: int,
@@ -160,7 +160,7 @@ def _log_factors(
         others = np.zeros(log_s.shape[1:], np.bool_)
         others[:-1, :-1] = agents[:, None] != agents[None, :]
         log_s = np.where(others, unknown, 0.0)
-    for row, (time, values) in enumerate(zip(known, drawn, strict=True)):
+    for row, (time, values) in enumerate(zip(key_times, drawn, strict=True)):
         for place, factor in enumerate(time.factors):
             column = number.get((factor.other_agent, factor.other_task))
             if column is not None:
@@ -173,10 +173,10 @@ def _mean_gap(times: TaskTimes, agent: str) -> float:
     return gap.mean_s if gap else 0.0
 
 
-def _gaps(gap: Gap | None, normal: FloatArray) -> FloatArray:
+def _draw_gaps(gap: Gap | None, normal: FloatArray) -> FloatArray:
     """Return lognormal draws with the gap's mean and deviation, shape as `normal`."""
     if gap is None or gap.mean_s <= 0.0:
         return np.zeros_like(normal)
     variance = math.log1p((gap.std_s / gap.mean_s) ** 2)
-    found: FloatArray = np.exp(math.log(gap.mean_s) - variance / 2 + math.sqrt(variance) * normal)
-    return found
+    gaps: FloatArray = np.exp(math.log(gap.mean_s) - variance / 2 + math.sqrt(variance) * normal)
+    return gaps

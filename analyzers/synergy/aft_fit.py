@@ -51,7 +51,9 @@ class TaskFit:
         Args:
             direction: shape (2 + P,).
         """
-        variances = [float(direction @ found @ direction) for found in (self.covariance, self.mean_covariance)]
+        variances = [
+            float(direction @ covariance @ direction) for covariance in (self.covariance, self.mean_covariance)
+        ]
         return math.sqrt(max(variances)) if min(variances) > 0 else math.inf
 
     @property
@@ -91,17 +93,17 @@ def fit_task(data: Exposure, prior: Prior) -> TaskFit:
     log_durations = np.log(data.work(np.zeros(len(data.others)))[data.finished])
     start = [log_durations.mean(), math.log(max(float(log_durations.std()), prior.sigma))]
     parameters = np.concatenate([start, np.zeros(len(data.others))])
-    n, spent, before = int(data.finished.sum()), 1.0, math.nan
+    n, spent, previous = int(data.finished.sum()), 1.0, math.nan
     for _ in range(_ROUNDS):
-        if abs(spent - before) < _SETTLED:
+        if abs(spent - previous) < _SETTLED:
             break
         parameters = _maximum(parameters, data, prior, spent)
         covariance = _inverse(-log_posterior(parameters, data, prior, spent).hessian)
         taken = 1 + float((1 - np.diag(covariance)[2:] / prior.tau**2).clip(0).sum())
         # more than the data hold cannot be taken from them
-        before, spent = spent, min(taken, n + prior.freedom - 0.5)
+        previous, spent = spent, min(taken, n + prior.freedom - 0.5)
     mean_covariance = _inverse(expected_information(parameters, data, prior))
-    return TaskFit(data, parameters, covariance, mean_covariance, before, max(n + prior.freedom - before, 1.0))
+    return TaskFit(data, parameters, covariance, mean_covariance, previous, max(n + prior.freedom - previous, 1.0))
 
 
 def _inverse(information: FloatArray) -> FloatArray:
@@ -124,7 +126,7 @@ def _maximum(start: FloatArray, data: Exposure, prior: Prior, spent: float) -> F
             last[key] = log_posterior(x, data, prior, spent)
         return last[key]
 
-    found = minimize(
+    optimum = minimize(
         lambda x: -at(x).value / scale,
         start,
         jac=lambda x: -at(x).gradient / scale,
@@ -132,7 +134,7 @@ def _maximum(start: FloatArray, data: Exposure, prior: Prior, spent: float) -> F
         method="trust-exact",
         options={"gtol": 1e-9},
     )
-    result: FloatArray = found.x
+    result: FloatArray = optimum.x
     return result
 
 

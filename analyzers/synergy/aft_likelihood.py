@@ -82,16 +82,16 @@ def log_posterior(parameters: FloatArray, data: Exposure, prior: Prior, spent: f
     u = np.log(work)
     by_u = -(data.seconds @ (rate[:, None] * data.members)) / work[:, None]  # du / dlog s, shape (K, P)
     at_end = data.members[data.last]
-    each = _each(u, mu, log_sigma, data.finished)
-    value = each.value.sum() - (at_end @ log_s)[data.finished].sum()
-    gradient = np.concatenate([[each.mu.sum(), each.scale.sum()], each.u @ by_u - at_end[data.finished].sum(axis=0)])
+    terms = _derivatives(u, mu, log_sigma, data.finished)
+    value = terms.value.sum() - (at_end @ log_s)[data.finished].sum()
+    gradient = np.concatenate([[terms.mu.sum(), terms.scale.sum()], terms.u @ by_u - at_end[data.finished].sum(axis=0)])
     hessian = np.empty((len(parameters),) * 2)
-    hessian[0, 0], hessian[1, 1] = each.mu_mu.sum(), each.scale_scale.sum()
-    hessian[0, 1] = hessian[1, 0] = each.mu_scale.sum()
-    hessian[0, 2:] = hessian[2:, 0] = -(each.mu_mu @ by_u)
-    hessian[1, 2:] = hessian[2:, 1] = -(each.mu_scale @ by_u)
-    bend = rate * (data.seconds.T @ (each.u / work))  # of W itself, per state
-    hessian[2:, 2:] = (by_u.T * (each.mu_mu - each.u)) @ by_u + (data.members.T * bend) @ data.members
+    hessian[0, 0], hessian[1, 1] = terms.mu_mu.sum(), terms.scale_scale.sum()
+    hessian[0, 1] = hessian[1, 0] = terms.mu_scale.sum()
+    hessian[0, 2:] = hessian[2:, 0] = -(terms.mu_mu @ by_u)
+    hessian[1, 2:] = hessian[2:, 1] = -(terms.mu_scale @ by_u)
+    bend = rate * (data.seconds.T @ (terms.u / work))  # of W itself, per state
+    hessian[2:, 2:] = (by_u.T * (terms.mu_mu - terms.u)) @ by_u + (data.members.T * bend) @ data.members
 
     value -= 0.5 * float(log_s @ log_s) / prior.tau**2
     gradient[2:] -= log_s / prior.tau**2
@@ -126,13 +126,13 @@ def expected_information(parameters: FloatArray, data: Exposure, prior: Prior) -
     rate = np.exp(-(data.members @ log_s))
     work = data.seconds @ rate
     shares = (data.seconds @ (rate[:, None] * data.members)) / work[:, None]  # of the work, per factor in force
-    each = _each(np.log(work), mu, log_sigma, data.finished)
+    terms = _derivatives(np.log(work), mu, log_sigma, data.finished)
     design = np.concatenate([np.ones((len(work), 1)), shares], axis=1)
     information = np.zeros((len(parameters),) * 2)
     mean = np.array([0, *range(2, len(parameters))])
-    information[np.ix_(mean, mean)] = (design.T * -each.mu_mu) @ design
+    information[np.ix_(mean, mean)] = (design.T * -terms.mu_mu) @ design
     spread = log_sigma + _stretch(data, np.log(work), log_s)
-    information[1, 1] = -each.scale_scale.sum() + 2 * prior.freedom * prior.sigma**2 / math.exp(2 * spread)
+    information[1, 1] = -terms.scale_scale.sum() + 2 * prior.freedom * prior.sigma**2 / math.exp(2 * spread)
     factors = np.arange(2, len(parameters))
     information[factors, factors] += 1 / prior.tau**2
     return information
@@ -143,11 +143,11 @@ def _stretch(data: Exposure, log_work: FloatArray, log_s: FloatArray) -> float:
     if not data.finished.any():
         return 0.0
     log_durations = np.log(data.seconds.sum(axis=1))
-    each = log_work - log_durations + (data.members @ log_s)[data.last]
-    return float(each[data.finished].mean())
+    stretch = log_work - log_durations + (data.members @ log_s)[data.last]
+    return float(stretch[data.finished].mean())
 
 
-def _each(
+def _derivatives(
     u: FloatArray, mu: float, log_sigma: float, finished: np.ndarray[tuple[int], np.dtype[np.bool_]]
 ) -> _Derivatives:
     from scipy.special import log_ndtr

@@ -115,15 +115,15 @@ def bayes(observations: Observations, outliers: Outliers = "none") -> Fit:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, "blas"):
-        solved = [
+        solutions = [
             (regression, posterior(regression.x, regression.y))
             for regression in concurrent_shares(observations, outliers)
         ]
-    rows = [row for regression, result in solved for row in _rows(regression, result)]
+    rows = [row for regression, result in solutions for row in _rows(regression, result)]
     table = synergy_table(observations.executions, observations.pairs, rows, "bayes")
     covariances = tuple(
         Covariance(regression.keys, result.covariance if is_known(result) else np.full_like(result.covariance, np.nan))
-        for regression, result in solved
+        for regression, result in solutions
     )
     return Fit(table, sampled_models(observations, table), covariances)
 
@@ -169,11 +169,11 @@ def log_upper_gamma(shape: float, x: FloatArray) -> FloatArray:
     from scipy.special import exp1, gammaincc, gammaln
 
     with np.errstate(divide="ignore"):
-        found: FloatArray = np.log(exp1(x)) if shape == 0 else np.log(gammaincc(shape, x)) + gammaln(shape)
-    tiny = found - (gammaln(shape) if shape else 0.0) < -600
+        result: FloatArray = np.log(exp1(x)) if shape == 0 else np.log(gammaincc(shape, x)) + gammaln(shape)
+    tiny = result - (gammaln(shape) if shape else 0.0) < -600
     if tiny.any():
-        found[tiny] = _by_fraction(shape, x[tiny])
-    return found
+        result[tiny] = _by_fraction(shape, x[tiny])
+    return result
 
 
 def _by_fraction(shape: float, x: FloatArray) -> FloatArray:
@@ -206,16 +206,16 @@ def _mode(problem: _Problem) -> tuple[FloatArray, FloatArray]:
     """Return where log s is likeliest, and a covariance there."""
     from scipy.optimize import minimize
 
-    found = minimize(
+    optimum = minimize(
         lambda t: -float(problem.log_density(t[None])[0]),
         np.zeros(len(problem.best)),
         jac=lambda t: -problem.gradient(t),
         method="L-BFGS-B",
         bounds=[(-4.0, 4.0)] * len(problem.best),
     )
-    scaled = problem.root * np.exp(found.x)
-    information = problem.precision(found.x) * (scaled.T @ scaled) + np.eye(len(found.x)) / PRIOR_DEVIATION**2
-    return found.x, np.linalg.inv(information)
+    scaled = problem.root * np.exp(optimum.x)
+    information = problem.precision(optimum.x) * (scaled.T @ scaled) + np.eye(len(optimum.x)) / PRIOR_DEVIATION**2
+    return optimum.x, np.linalg.inv(information)
 
 
 def _sample(
@@ -245,19 +245,19 @@ def _root(covariance: FloatArray) -> FloatArray:
 
 
 def _covariance(values: FloatArray, weights: FloatArray, center: FloatArray) -> FloatArray:
-    apart = values - center
-    result: FloatArray = (apart.T * weights) @ apart
+    deviations = values - center
+    result: FloatArray = (deviations.T * weights) @ deviations
     return result
 
 
 def _quantiles(values: FloatArray, weights: FloatArray, levels: tuple[float, ...]) -> FloatArray:
     """Return weighted quantiles, shape (levels, p)."""
-    found = []
+    quantiles = []
     for column in values.T:
         order = np.argsort(column, kind="stable")
         cumulated = np.cumsum(weights[order]) - weights[order] / 2
-        found.append(np.interp(levels, cumulated, column[order]))
-    return np.array(found).T
+        quantiles.append(np.interp(levels, cumulated, column[order]))
+    return np.array(quantiles).T
 
 
 def _rows(regression: Regression, result: Posterior) -> Iterator[tuple[Any, ...]]:

@@ -1,4 +1,4 @@
-"""Errors that do not trust the estimator's own: what it says of runs drawn anew, with repetition (cluster bootstrap).
+"""Standard errors independent of the estimator's own: its estimates on runs drawn with repetition (cluster bootstrap).
 
 Executions of one run are not independent of each other, runs are; so runs are drawn, not executions (Efron and
 Tibshirani 1993; Cameron, Gelbach and Miller 2008).
@@ -58,14 +58,14 @@ def with_bootstrap(
     draws = bootstrap(observations, estimator, outliers, replicates, seed, workers, on_draws)
     table = fit.synergies
     for value, (error, low, high) in _VALUES.items():
-        found = draws.group_by(PAIR).agg(
+        errors = draws.group_by(PAIR).agg(
             pl.col(value).std().alias("error"),
             pl.col(value).quantile(0.025, "linear").alias("low"),
             pl.col(value).quantile(0.975, "linear").alias("high"),
         )
         known = pl.col(value).is_not_null()
         table = (
-            table.join(found, on=PAIR, how="left", maintain_order="left")
+            table.join(errors, on=PAIR, how="left", maintain_order="left")
             .with_columns(
                 pl.when(known).then("error").alias(error),
                 pl.when(known).then("low").alias(low),
@@ -127,8 +127,8 @@ def check_picklable(estimator: Estimator) -> None:
     try:
         pickle.dumps(estimator)
     except Exception as error:
-        found = f"it cannot be sent to worker processes ({error})"
-        raise EstimatorError(estimator.name, found, "a class at the top of a module; or use one worker") from error
+        complaint = f"it cannot be sent to worker processes ({error})"
+        raise EstimatorError(estimator.name, complaint, "a class at the top of a module; or use one worker") from error
 
 
 def drawn_runs(runs: list[str], seed: int, replicate: int) -> list[str]:

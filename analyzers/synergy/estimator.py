@@ -1,4 +1,4 @@
-"""What an estimator is: one class that says how it fits, what it assumes, and how others read its fit."""
+"""The interface of an estimator: one class that defines how it fits, what it assumes, and how to read its fit."""
 
 from __future__ import annotations
 
@@ -120,13 +120,13 @@ def estimate(estimator: Estimator, observations: Observations, outliers: Outlier
     except HrclogError:
         raise
     except Exception as error:
-        found = f"it raised {type(error).__name__}: {error}"
-        raise EstimatorError(estimator.name, found, "a fit; look at it with --debug, or choose another") from error
-    _check(estimator.name, fit)
+        complaint = f"it raised {type(error).__name__}: {error}"
+        raise EstimatorError(estimator.name, complaint, "a fit; look at it with --debug, or choose another") from error
+    _check_fit(estimator.name, fit)
     return fit
 
 
-def _check(name: str, fit: object) -> None:
+def _check_fit(name: str, fit: object) -> None:
     if not isinstance(fit, Fit):
         raise EstimatorError(name, f"it returned {type(fit).__name__}", "a Fit, such as `self.result(...)` makes")
     table = fit.synergies

@@ -1,4 +1,4 @@
-"""Let the runs say how much tasks affect each other at all: the prior's width of each task by its evidence.
+"""Choose how much tasks may affect each other: the width of each task's prior, by the evidence of the runs.
 
 Where a task hardly ever ran beside nobody, its work and the factors of the others are told apart by the prior alone.
 A task that nobody affects then gets factors around any value, with work to match. The width tau of the prior of its
@@ -50,7 +50,7 @@ def fit_by_evidence(data: Exposure) -> TaskFit:
     """
     priors = [Prior(tau=tau) for tau in WIDTHS]
     fits = [fit_task(data, prior) for prior in priors]
-    return max(zip(fits, priors, strict=True), key=lambda found: log_evidence(*found))[0]
+    return max(zip(fits, priors, strict=True), key=lambda fitted: log_evidence(*fitted))[0]
 
 
 def log_evidence(fit: TaskFit, prior: Prior) -> float:

@@ -57,10 +57,10 @@ class Exposure:
 
     def idle_share(self, agent: str) -> float:
         """Return the share of the time, over all executions, in which another agent idles."""
-        own = np.array([other[0] == agent for other in self.others], np.bool_)
-        busy = self.members[:, own].any(axis=1)
-        spent = np.asarray(self.seconds.sum(axis=0)).ravel()
-        return float(spent[~busy].sum() / spent.sum())
+        of_agent = np.array([other[0] == agent for other in self.others], np.bool_)
+        busy = self.members[:, of_agent].any(axis=1)
+        state_seconds = np.asarray(self.seconds.sum(axis=0)).ravel()
+        return float(state_seconds[~busy].sum() / state_seconds.sum())
 
 
 def exposures(observations: Observations) -> Iterator[Exposure]:

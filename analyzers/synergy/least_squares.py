@@ -48,18 +48,18 @@ def fit(x: FloatArray, y: FloatArray) -> LeastSquares:
 
     scale = np.linalg.norm(x, axis=0)
     unit = x / scale
-    found = _by_qr(unit, y) or _by_svd(unit, y)
-    coefficients = np.where(found.identified, found.coefficients / scale, np.nan)
-    freedom = len(y) - found.rank
-    residual = y - unit @ found.coefficients
+    solution = _by_qr(unit, y) or _by_svd(unit, y)
+    coefficients = np.where(solution.identified, solution.coefficients / scale, np.nan)
+    freedom = len(y) - solution.rank
+    residual = y - unit @ solution.coefficients
     variance = float(residual @ residual) / freedom if freedom > 0 else np.nan
-    spread = np.linalg.norm(found.root, axis=1)
-    std_errors = np.where(found.identified, np.sqrt(variance) * spread / scale, np.nan)
+    spread = np.linalg.norm(solution.root, axis=1)
+    std_errors = np.where(solution.identified, np.sqrt(variance) * spread / scale, np.nan)
     half = float(stdtrit(freedom, 0.975)) * std_errors if freedom > 0 else std_errors
-    root = np.where(found.identified[:, None], found.root / scale[:, None], np.nan)
+    root = np.where(solution.identified[:, None], solution.root / scale[:, None], np.nan)
     covariance = variance * (root @ root.T)
     return LeastSquares(
-        coefficients, std_errors, coefficients - half, coefficients + half, found.identified, covariance
+        coefficients, std_errors, coefficients - half, coefficients + half, solution.identified, covariance
     )
 
 

@@ -43,8 +43,8 @@ class NormalLogWork:
         """Return normal quantiles."""
         from scipy.special import ndtri
 
-        found: FloatArray = self.center + self.deviation * ndtri(levels)
-        return found
+        quantiles: FloatArray = self.center + self.deviation * ndtri(levels)
+        return quantiles
 
     def log_density(self, values: FloatArray) -> FloatArray:
         """Return the normal log density."""
@@ -95,8 +95,8 @@ class StudentLogWork:
         """Return Student quantiles."""
         from scipy.special import stdtrit
 
-        found: FloatArray = self.center + self.scale * stdtrit(self.freedom, levels)
-        return found
+        quantiles: FloatArray = self.center + self.scale * stdtrit(self.freedom, levels)
+        return quantiles
 
     def log_density(self, values: FloatArray) -> FloatArray:
         """Return the Student log density."""

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.joint_states import State, segments
 from hrclog.analyzers.synergy.pairs import in_seconds, overlapping_pairs, successful
 from hrclog.arrays import IntArray
@@ -70,7 +70,7 @@ class Observations:
     def drawn(self, runs: Sequence[str]) -> Observations:
         """Return the observations of these runs, one that is named twice as two runs."""
         names = pl.DataFrame({"run_id": list(runs)}, schema={"run_id": pl.String}).with_row_index("draw")
-        return Observations(_drawn(self.executions, names), self.states, _drawn(self.pairs, names))
+        return Observations(_draw_runs(self.executions, names), self.states, _draw_runs(self.pairs, names))
 
 
 def observe(intervals: pl.DataFrame) -> Observations:
@@ -79,10 +79,10 @@ def observe(intervals: pl.DataFrame) -> Observations:
     Args:
         intervals: a frame of schema `INTERVALS`.
     """
-    rows = intervals.filter(counted()).sort(_SORT)
+    rows = intervals.filter(is_counted()).sort(_SORT)
     cut = segments(rows, intervals)
     lengths = (cut.end_ns - cut.start_ns) / 1e9
-    spent = (
+    state_seconds = (
         pl.DataFrame({"row": cut.row, "state": cut.state, "seconds": lengths})
         .group_by("row", "state")
         .agg(pl.col("seconds").sort().sum())
@@ -98,7 +98,7 @@ def observe(intervals: pl.DataFrame) -> Observations:
         )
         .with_row_index("row")
         .with_columns(pl.col("row").cast(pl.Int64))
-        .join(spent, on="row", how="left", maintain_order="left")
+        .join(state_seconds, on="row", how="left", maintain_order="left")
         .join(last, on="row", how="left", maintain_order="left")
         .select(EXECUTIONS.names())
         .cast(EXECUTIONS)
@@ -121,21 +121,24 @@ def merge(parts: Sequence[Observations]) -> Observations:
     states = tuple(sorted({state for part in parts for state in part.states}))
     number = {state: index for index, state in enumerate(states)}
     executions = pl.concat(
-        [_renumbered(part.executions, np.array([number[state] for state in part.states], np.int64)) for part in parts]
+        [
+            _renumber_states(part.executions, np.array([number[state] for state in part.states], np.int64))
+            for part in parts
+        ]
     )
     return Observations(executions.sort(_SORT), states, pl.concat([part.pairs for part in parts]).sort(_PAIR_SORT))
 
 
-def _renumbered(executions: pl.DataFrame, number: IntArray) -> pl.DataFrame:
-    old = pl.Series(range(len(number)), dtype=pl.Int64)
-    new = pl.Series(number, dtype=pl.Int64)
+def _renumber_states(executions: pl.DataFrame, number: IntArray) -> pl.DataFrame:
+    old_numbers = pl.Series(range(len(number)), dtype=pl.Int64)
+    new_numbers = pl.Series(number, dtype=pl.Int64)
     return executions.with_columns(
-        pl.col("state").list.eval(pl.element().replace_strict(old, new, return_dtype=pl.Int64)),
-        pl.col("last_state").replace_strict(old, new, return_dtype=pl.Int64),
+        pl.col("state").list.eval(pl.element().replace_strict(old_numbers, new_numbers, return_dtype=pl.Int64)),
+        pl.col("last_state").replace_strict(old_numbers, new_numbers, return_dtype=pl.Int64),
     )
 
 
-def _drawn(frame: pl.DataFrame, names: pl.DataFrame) -> pl.DataFrame:
+def _draw_runs(frame: pl.DataFrame, names: pl.DataFrame) -> pl.DataFrame:
     repeated = names.join(frame, on="run_id", how="inner", maintain_order="left_right")
     name = pl.col("draw").cast(pl.String).str.zfill(9) + ":" + pl.col("run_id")
     return repeated.with_columns(name.alias("run_id")).select(frame.columns)

@@ -45,10 +45,10 @@ def _estimate(name: str, observations: Observations, regressions: Iterable[Regre
 
     # many small problems: threads make each slower, and its last digits depend on their number
     with threadpool_limits(1, "blas"):
-        solved = [(regression, fit(regression.x, regression.y)) for regression in regressions]
-    rows = [row for regression, result in solved for row in _rows(regression, result)]
+        solutions = [(regression, fit(regression.x, regression.y)) for regression in regressions]
+    rows = [row for regression, result in solutions for row in _rows(regression, result)]
     table = synergy_table(observations.executions, observations.pairs, rows, name)
-    covariances = tuple(Covariance(regression.keys, result.covariance) for regression, result in solved)
+    covariances = tuple(Covariance(regression.keys, result.covariance) for regression, result in solutions)
     return Fit(table, sampled_models(observations, table), covariances)
 
 

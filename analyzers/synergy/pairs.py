@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.overlaps import PAIR, overlaps, task_pairs
 from hrclog.analyzers.projections.schemas import OVERLAPS, SYNERGIES
 from hrclog.events import Outcome
@@ -27,7 +27,7 @@ _COEFFICIENTS: Final = pl.Schema(
 def successful(intervals: pl.DataFrame) -> pl.DataFrame:
     """Return the executions whose durations mean something: succeeded, closed, longer than nothing, and counted."""
     return intervals.filter(
-        counted() & (pl.col("outcome") == Outcome.SUCCEEDED.value) & (pl.col("end_ns") > pl.col("start_ns"))
+        is_counted() & (pl.col("outcome") == Outcome.SUCCEEDED.value) & (pl.col("end_ns") > pl.col("start_ns"))
     )
 
 

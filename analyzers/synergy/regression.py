@@ -81,10 +81,10 @@ def _regressions(
         x, y, columns = _matrices(part, str(other), mean_of)
         kept = inliers(y, outliers)
         x, y = x[kept], y[kept]
-        met = np.flatnonzero(x.any(axis=0))
-        if len(met):
-            keys = tuple((str(other), columns[column], str(agent), str(task)) for column in met)
-            yield Regression(keys, x[:, met], y)
+        met_columns = np.flatnonzero(x.any(axis=0))
+        if len(met_columns):
+            keys = tuple((str(other), columns[column], str(agent), str(task)) for column in met_columns)
+            yield Regression(keys, x[:, met_columns], y)
 
 
 def _matrices(

@@ -1,4 +1,4 @@
-"""Models of estimators that know no distribution of work: the work that their factors give the executions seen."""
+"""Models of estimators without a distribution of work: the work of the observed executions under their factors."""
 
 from __future__ import annotations
 

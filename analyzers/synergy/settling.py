@@ -57,12 +57,14 @@ def settle(
         return SETTLING.to_frame()
     if observations is None:
         observations = observe(intervals)
-    made_by = ESTIMATORS[estimator]
+    chosen_estimator = ESTIMATORS[estimator]
     if final is None:
-        final = estimate(made_by, observations, outliers).synergies
-    tables = [estimate(made_by, observations.only(order[:number]), outliers).synergies for number in numbers[:-1]]
+        final = estimate(chosen_estimator, observations, outliers).synergies
+    tables = [
+        estimate(chosen_estimator, observations.only(order[:number]), outliers).synergies for number in numbers[:-1]
+    ]
     of_pair = final.select(*PAIR, "estimator")
-    laid_out = [_laid_out(table, of_pair, number) for number, table in zip(numbers, [*tables, final], strict=True)]
+    laid_out = [_lay_out(table, of_pair, number) for number, table in zip(numbers, [*tables, final], strict=True)]
     return pl.concat(laid_out).cast(SETTLING)
 
 
@@ -86,8 +88,8 @@ def settle_durations(intervals: pl.DataFrame, runs: pl.DataFrame, most: int = MO
     samples = succeeded.select(
         "run_id", "agent", "task", ((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("seconds")
     ).sort("agent", "task", "seconds")
-    found = [_means(samples, tasks, order[:number]) for number in steps(len(order), most)]
-    return pl.concat([SETTLING_DURATIONS.to_frame(), *found])
+    tables = [_means(samples, tasks, order[:number]) for number in steps(len(order), most)]
+    return pl.concat([SETTLING_DURATIONS.to_frame(), *tables])
 
 
 def steps(runs: int, most: int = MOST_STEPS) -> list[int]:
@@ -113,7 +115,7 @@ def steps(runs: int, most: int = MOST_STEPS) -> list[int]:
     return [numbers[int(index)] for index in np.linspace(0, len(numbers) - 1, most).round()]
 
 
-def _laid_out(table: pl.DataFrame, of_pair: pl.DataFrame, number: int) -> pl.DataFrame:
+def _lay_out(table: pl.DataFrame, of_pair: pl.DataFrame, number: int) -> pl.DataFrame:
     """Return a table with a row for each of the pairs; those it does not have were not observed."""
     return (
         of_pair.join(table.drop("estimator"), on=PAIR, how="left", maintain_order="left")
@@ -129,13 +131,13 @@ def _laid_out(table: pl.DataFrame, of_pair: pl.DataFrame, number: int) -> pl.Dat
 
 def _means(samples: pl.DataFrame, tasks: pl.DataFrame, runs: Sequence[str]) -> pl.DataFrame:
     seconds = pl.col("seconds")
-    found = (
+    means = (
         samples.filter(pl.col("run_id").is_in(runs))
         .group_by("agent", "task", maintain_order=True)
         .agg(pl.len().alias("count"), seconds.mean().alias("mean_s"), seconds.std(ddof=1).alias("std_s"))
     )
-    half = half_width(found["std_s"].fill_null(float("nan")).to_numpy(), found["count"].cast(pl.Int64).to_numpy())
-    ends = found.with_columns(pl.Series("half", half, nan_to_null=True)).with_columns(
+    half = half_width(means["std_s"].fill_null(float("nan")).to_numpy(), means["count"].cast(pl.Int64).to_numpy())
+    ends = means.with_columns(pl.Series("half", half, nan_to_null=True)).with_columns(
         (pl.col("mean_s") - pl.col("half")).alias("mean_low_s"),
         (pl.col("mean_s") + pl.col("half")).alias("mean_high_s"),
     )

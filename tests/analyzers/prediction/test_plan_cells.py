@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from interval_frames import Row, frame, row, rows
 
 from hrclog.analyzers.prediction.plan_cells import plan_cells
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 
 
 def plan(run: str, *tasks: tuple[str, str], shift: int = 0) -> list[Row]:
@@ -104,7 +104,7 @@ def test_the_order_of_rows_is_irrelevant_and_nothing_is_lost(found: list[Row], s
     expected = plan_cells(frame(found)).sort("run_id", "execution_id")
     mixed = frame(found).sample(fraction=1.0, shuffle=True, seed=seed)
     assert plan_cells(mixed).sort("run_id", "execution_id").equals(expected)
-    assert expected.height == frame(found).filter(counted()).height
+    assert expected.height == frame(found).filter(is_counted()).height
     assert expected.select(pl.all().is_not_null().all()).row(0) == (True,) * 4
 
 

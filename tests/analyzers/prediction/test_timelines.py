@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from interval_frames import Row, frame, random_runs, row, rows
 
 from hrclog.analyzers.prediction.timelines import Timeline, Timelines
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.exposures import exposures
 from hrclog.analyzers.synergy.observations import observe
@@ -25,7 +25,7 @@ LOG_FACTORS = st.fixed_dictionaries({}, optional={key: st.floats(-1.5, 1.5) for 
 
 def timelines(found: list[Row]) -> tuple[pl.DataFrame, Timelines]:
     intervals = frame(found)
-    executions = intervals.filter(counted())
+    executions = intervals.filter(is_counted())
     return executions, Timelines(executions, intervals)
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from interval_frames import Row, frame, random_runs, row, rows
 
-from hrclog.analyzers.projections.intervals import counted
+from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.joint_states import Segments, State, segments
 
 Piece = tuple[int, int, State]
@@ -21,7 +21,7 @@ LONG = 2**61
 
 def cut(intervals: pl.DataFrame, until: list[int] | None = None) -> dict[str, list[Piece]]:
     """Return the pieces of each execution by its id, after checking what must hold of any segments."""
-    executions = intervals.filter(counted())
+    executions = intervals.filter(is_counted())
     found = segments(executions, intervals, None if until is None else np.array(until, np.int64))
     assert list(found.states) == sorted(set(found.states))
     assert set(found.state.tolist()) == set(range(len(found.states)))
@@ -93,7 +93,7 @@ def test_segments_say_what_the_others_do_in_every_nanosecond(found: list[Row]) -
 def test_segments_up_to_another_end_are_those_of_executions_that_end_there(
     found: list[Row], data: st.DataObject
 ) -> None:
-    own = frame(found).filter(counted())
+    own = frame(found).filter(is_counted())
     until = [start + data.draw(st.integers(0, 30)) for start in own["start_ns"]]
     expected = by_nanoseconds(found, dict(zip(own["execution_id"], until, strict=True)))
     assert joined(cut(frame(found), until)) == expected
