@@ -1,4 +1,4 @@
-"""What a dispatcher and its executors ask of time, simulated or real."""
+"""The clock that a dispatcher and its executors use, simulated or real."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Action = Callable[[], None]
 
 
 class Clock(Protocol):
-    """The instant it is, and what is going to happen; all actions happen one after the other, on one thread.
+    """The current instant and the scheduled actions. All actions run one after the other, on one thread.
 
     `hrclog.sim.event_queue.EventQueue` jumps from action to action, `RealTimeLoop` waits for them.
     """
@@ -20,13 +20,13 @@ class Clock(Protocol):
         ...
 
     def schedule(self, time_ns: int, action: Action, priority: int = 0) -> None:
-        """Let an action happen at an instant; at the same instant the smaller priority first."""
+        """Run an action at an instant. At the same instant the smaller priority goes first."""
         ...
 
     def submit(self, action: Action) -> None:
-        """Let an action happen as soon as may be: at once in simulated time, from any thread in real time."""
+        """Run an action as soon as possible: at once in simulated time, from any thread in real time."""
         ...
 
     def run(self, until: Callable[[], bool]) -> None:
-        """Let things happen until `until` is true; in simulated time no longer than something is left to happen."""
+        """Run actions until `until` is true. In simulated time this also ends when no action is left."""
         ...

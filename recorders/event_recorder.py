@@ -1,4 +1,4 @@
-"""The part of a recorder that everything goes through: check, number, write, remember."""
+"""The core of a recorder, which handles every event: check, number, write, remember."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ class EventRecorder:
         return state
 
     def _now(self) -> int:
-        """Return the clock's instant, never before one that was given out before."""
+        """Return the clock's instant, never before an earlier result."""
         self._floor_ns = max(self._clock_ns(), self._floor_ns)
         return self._floor_ns
 

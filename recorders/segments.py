@@ -1,4 +1,4 @@
-"""Where the next piece of a run goes: its first log, or one more segment after a stop."""
+"""Find the file for the next part of a run: its first log, or a further segment after a stop."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hrclog.state import PLANNED, ExecutionState, apply
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A file to write, and what the run has come to before it."""
+    """A file to write, and the state of the run before it."""
 
     path: Path
     run_id: str
@@ -101,7 +101,7 @@ def _fold_states(rows: Iterable[dict[str, Any]]) -> tuple[dict[str, ExecutionSta
     states: dict[str, ExecutionState] = {}
     facts: dict[str, TaskFact] = {}
     for row in rows:
-        event = from_row(row | {"details": ""})  # the state machine asks nothing of them
+        event = from_row(row | {"details": ""})  # the state machine does not use them
         if isinstance(event, TaskFact):
             states[event.execution_id] = apply(states.get(event.execution_id, PLANNED), event)[0]
             facts.setdefault(event.execution_id, event)

@@ -25,7 +25,7 @@ _BYTE_ORDER_MARK: Final = "\ufeff"
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """A line that is not in the log, and why."""
+    """A line that was not recorded, and the reason."""
 
     line: int
     reason: str
@@ -33,7 +33,7 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What became of the lines."""
+    """The result of recording a stream of lines."""
 
     path: Path
     run_id: str
@@ -54,8 +54,9 @@ def record_stream(
 ) -> Recorded:
     """Record a run from JSON lines until they end.
 
-    The run begins with its first line: a `run_started` gives name, agents and what else it knows; else the first
-    line's `time_ns`, if it has one, is when the run began. It ends when its last line happened, where that says when.
+    The run begins with its first line. A `run_started` line gives the name, the agents and its other fields. Any other
+    first line gives only the start of the run, by its `time_ns` if it has one. The run ends at the `time_ns` of its
+    last line, if that line has one.
 
     Args:
         lines: text lines, see `record_lines`.
@@ -138,7 +139,7 @@ def _lines_until_text(lines: Iterator[str]) -> Iterator[str]:
 
 
 def _open_recorder(path: Path, facts: dict[str, Any], line: int, *, resume: bool, fsync: bool) -> Recorder:
-    """Open a recorder with what the first line says of the run; without it there is no run to record into."""
+    """Open a recorder with the facts of the first line. If they are invalid, there is no run to record into."""
     try:
         return Recorder(path, resume=resume, fsync=fsync, **facts)
     except InvalidEventError as error:
@@ -146,7 +147,7 @@ def _open_recorder(path: Path, facts: dict[str, Any], line: int, *, resume: bool
 
 
 def _opening_facts(line: str) -> tuple[dict[str, Any], int]:
-    """Return what the first line says of the run, and 1 if that is all it says, else 0."""
+    """Return the facts that the first line states about the run, and 1 if it states nothing else, else 0."""
     try:
         value = parse_object(line)
         row = row_from_object(value)
@@ -188,7 +189,7 @@ def _check_fields(value: dict[str, Any], known_names: tuple[str, ...] = COLUMNS)
 
 
 def _execution_id(row: dict[str, Any], recorder: Recorder) -> str:
-    """Return the id that a task event without one means."""
+    """Return the execution id for a task event that has none."""
     if row["kind"] in ("task_started", "task_dispatched"):
         return new_id()
     open_ids = [

@@ -40,7 +40,7 @@ class _Failure:
 
 @dataclass(frozen=True, slots=True)
 class _Campaign:
-    """What a worker needs to know."""
+    """The inputs of a worker."""
 
     scenario: Scenario
     seed: int
@@ -86,7 +86,8 @@ def simulate_campaign(
     """
     _check_range("runs", runs)
     _check_range("workers", workers)
-    make_engine(engine, scenario, EventQueue(BASE_EPOCH_NS), seed, 0).stop()  # says now what it would say in every run
+    # raises now the errors that would occur in every run
+    make_engine(engine, scenario, EventQueue(BASE_EPOCH_NS), seed, 0).stop()
     with campaign_folder(scenario, manifest_of(scenario, runs, seed, engine), out_dir) as folder:
         if folder.resumed and resuming:
             resuming(len(folder.done))

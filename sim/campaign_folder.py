@@ -1,4 +1,4 @@
-"""The folder of a campaign: its logs, and what is needed to go on with it after it was killed.
+"""The folder of a campaign: its logs, and the files needed to resume it after it was killed.
 
 While a campaign is under way, `.campaign` in its folder holds
 
@@ -190,7 +190,7 @@ class CampaignFolder:
             self._clear_work_folder()
 
     def leave(self) -> None:
-        """Leave what it takes to resume, which is nothing where no run is there."""
+        """Keep the files needed to resume; without any run, remove all of them."""
         if not any(self.log(index).exists() for index in range(self._manifest.runs)):
             with suppress(OSError):
                 self._clear_work_folder()
@@ -340,6 +340,7 @@ def _remove(folder: Path, *patterns: str) -> None:
 
 @contextmanager
 def _write_errors(path: Path) -> Iterator[None]:
+    """Turn an OSError into a LogWriteError."""
     try:
         yield
     except OSError as error:
@@ -349,7 +350,7 @@ def _write_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _folder_lock(path: Path) -> Iterator[None]:
-    """Lock a folder; the lock ends with the process, however that ends."""
+    """Lock a folder. The lock always ends with the process."""
     if os.name != "posix":
         yield
         return

@@ -1,4 +1,4 @@
-"""The discrete-event cell: agents whose work goes on at a rate that depends on what the others do.
+"""The discrete-event cell: each agent works at a rate that depends on what the others do.
 
 Work W of an execution is drawn once; while it runs it is done at the product over the other agents of 1 / s, so that
 the integral of that rate over the execution is W: an accelerated failure time model with time-varying concurrency.
@@ -129,7 +129,7 @@ class DiscreteCell:
             self._emit(self._end_event(execution))
 
     def _draw_execution(self, command: Command) -> tuple[_Execution, int]:
-        """Draw all chances of an attempt, always the same number of them, and the gap before it in ns."""
+        """Draw all random numbers of an attempt, always the same number of them, and the gap before it in ns."""
         key = (command.agent, command.task)
         work, stream = self._scenario.work[key], self._streams[command.agent]
         gap = self._scenario.gap.get(command.agent)
@@ -152,7 +152,7 @@ class DiscreteCell:
         return execution, round(gap_s * NS_PER_S)
 
     def _choose_target(self, command: Command, chance: float) -> str:
-        """Return one of the objects that are left; a retry keeps its own."""
+        """Return one of the remaining objects. A retry keeps its object."""
         targets = self._targets[command.task]
         if command.item_id not in self._chosen_targets and targets:
             self._chosen_targets[command.item_id] = targets.pop(int(chance * len(targets)))
@@ -215,7 +215,7 @@ class DiscreteCell:
         )
 
     def _update_rates(self) -> None:
-        """Set every rate by what runs now, and with it the instant of every end."""
+        """Set every rate from the running executions, and reschedule their ends."""
         for execution in self._running.values():
             rate = self._rate(execution)
             if rate != execution.rate:

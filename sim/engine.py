@@ -1,4 +1,4 @@
-"""What a simulated run asks of a cell, and the cells there are."""
+"""The interface of simulated cells, and the list of engines."""
 
 from __future__ import annotations
 

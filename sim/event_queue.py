@@ -1,4 +1,4 @@
-"""The core of a discrete-event simulation: actions ordered by (time, priority, sequence): ties are settled."""
+"""The core of a discrete-event simulation. Actions are ordered by (time, priority, sequence), so no ties remain."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hrclog.recorders.clock import Action
 
 
 class EventQueue:
-    """What is going to happen, and the simulated clock; a `Clock` for one thread.
+    """The scheduled actions and the simulated clock; a `Clock` for one thread.
 
     Args:
         now_ns: where the clock starts, in ns.
@@ -21,16 +21,16 @@ class EventQueue:
         self._sequence = 0
 
     def schedule(self, time_ns: int, action: Action, priority: int = 0) -> None:
-        """Let an action happen at an instant; the smaller priority first, then the one scheduled first."""
+        """Run an action at an instant. The smaller priority goes first, then the action scheduled first."""
         heappush(self._heap, (max(time_ns, self.now_ns), priority, self._sequence, action))
         self._sequence += 1
 
     def submit(self, action: Action) -> None:
-        """Let an action happen now, before anything else."""
+        """Run an action now, before all others."""
         action()
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
-        """Let everything happen, and what comes of it, until `until` is true or nothing is left."""
+        """Run all actions, and those they schedule, until `until` is true or none is left."""
         while self._heap and not until():
             self.now_ns, _, _, action = heappop(self._heap)
             action()

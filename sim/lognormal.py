@@ -1,4 +1,4 @@
-"""Times that are never negative and now and then long."""
+"""Lognormal times: never negative, and sometimes long."""
 
 from __future__ import annotations
 

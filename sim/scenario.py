@@ -149,7 +149,7 @@ _DEFAULTS: Final = {"role": Role.PRIMARY, "resources": (), "release_s": 0.0, "du
 
 
 def _without_defaults(fields: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return fields without those of a task that say nothing, so that the digest is that of when there were none."""
+    """Return fields without defaults of a task, so that the digest equals that from before these fields existed."""
     return {name: value for name, value in fields if name not in _DEFAULTS or value != _DEFAULTS[name]}
 
 
@@ -313,7 +313,7 @@ def _check_choice(field: str, value: str, allowed: tuple[str, ...]) -> None:
 
 
 def _key_checks(scenario: Scenario) -> Iterator[Callable[[], object]]:
-    """Yield checks that what is said of agents and tasks is said once, and of those that there are."""
+    """Yield checks that entries on agents and tasks are unique, complete, and name existing agents and tasks."""
     possible = set(scenario.problem.agent_tasks())
     work_keys = [(work.agent, work.task) for work in scenario.works]
     for agent, task in _duplicates(work_keys):

@@ -1,4 +1,4 @@
-"""Random numbers that stay the same on every Python: one independent stream a purpose."""
+"""Random numbers that are the same on every Python version: one independent stream per purpose."""
 
 from __future__ import annotations
 

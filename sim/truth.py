@@ -201,7 +201,7 @@ def _synergy(scenario: Scenario, key: tuple[str, str], other: tuple[str, str]) -
 
 
 def _row(part: ExecutionTruth | PairTruth | TaskTruth | SynergyTruth | RunTruth) -> dict[str, Any]:
-    """Return the fields of a part by name, without those that nobody knows."""
+    """Return the fields of a part by name, without unknown ones."""
     values = ((field, getattr(part, field.name)) for field in fields(part))
     return {field.name: value for field, value in values if value != field.default}
 

@@ -1,4 +1,4 @@
-"""Carry a plan out: who does what next, what is tried again, what is given up, what is planned anew."""
+"""Carry out a plan: dispatch items, retry them, give them up, and ask for other plans."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Dispatcher:
         self._steps: deque[Action] = deque()
         self._n_steps = 0
         self._stepping = False
-        self._n_requests = 0  # questions for another plan that wait for their turn: nothing new is begun till then
+        self._n_requests = 0  # requests for another plan that wait for their turn; until then nothing new begins
         self._replanner = Replanner(setup.replan, plan, problem, policy, clock, self._request_replan)
         self._manager = TaskManager(problem, executors, clock, policy, self._emit_event, self._handle_end)
 
@@ -96,7 +96,7 @@ class Dispatcher:
                 self._do_step(self._handle_standstill)
 
     def arrive(self, fact: str) -> None:
-        """Take in that something is the case from now on, for items that need it."""
+        """Note that a fact holds from now on, for items that need it."""
         self._clock.submit(partial(self._do_step, partial(self._handle_fact, fact)))
 
     def abort(self, reason: str, outcome: str = Outcome.CANCELED) -> None:
@@ -121,7 +121,7 @@ class Dispatcher:
         self._replanner.take(event)
 
     def _do_step(self, action: Action) -> None:
-        """Do one thing after the other: what executors answer at once waits until its turn has come."""
+        """Run actions one after the other: immediate answers of executors wait for their turn."""
         self._steps.append(action)
         self._n_steps += 1
         if self._stepping:
@@ -149,14 +149,14 @@ class Dispatcher:
             self._do_step(self._handle_standstill)
 
     def _dispatch_all(self) -> None:
-        """Ask for every agent until nothing changes: a skipped item may free or doom another agent's."""
+        """Dispatch for every agent until nothing changes: a skipped item may allow or exclude items of others."""
         while self._abort_verdict is None:
             skipped = [agent for agent in self._schedule.queues if self._dispatch(agent)]
             if not skipped:
                 return
 
     def _dispatch(self, agent: str) -> bool:
-        """Do what the rule says for an agent, and return whether an item was skipped."""
+        """Apply the dispatch rule to an agent, and return whether an item was skipped."""
         if self._n_requests:
             return False
         decision = self._decide(agent)
@@ -193,7 +193,7 @@ class Dispatcher:
             self._dispatch_all()
 
     def _schedule_step(self, time_ns: int, action: Action) -> None:
-        """Let a step happen at an instant, if the plan is still the same; until then there is something to wait for."""
+        """Run a step at an instant if the plan is still the same. The dispatcher waits for it until then."""
         timer = object()
 
         def due() -> None:
@@ -223,7 +223,7 @@ class Dispatcher:
         self._manager.give(command, item.timeout_s)
 
     def _handle_end(self, command: Command, event: TaskEnded, may_retry: bool) -> None:  # noqa: FBT001 - the form of OnEnd
-        """Try an item again, or note that it is over and go on."""
+        """Retry an item, or note that it is over and continue."""
         failed = event.outcome in _FAILURES and self._abort_verdict is None
         if failed and may_retry and command.attempt < self._policy.max_attempts:
             self._retrying_agents.add(command.agent)
@@ -279,13 +279,13 @@ class Dispatcher:
         )
 
     def _request_replan(self, item_id: str, reason: str, fallback: Action | None = None) -> None:
-        """Ask for another plan as soon as it is this step's turn; without one do something else, usually go on."""
+        """Ask for another plan when this step has its turn. Without another plan run the fallback, usually continue."""
         if not self.done:
             self._n_requests += 1
             self._do_step(partial(self._replan, item_id, reason, fallback or self._dispatch_all))
 
     def _replan(self, item_id: str, reason: str, fallback: Action) -> None:
-        if self._retrying_agents:  # their next attempts are on their way: then it is known what is running
+        if self._retrying_agents:  # wait for their next attempts, which decide what is running
             self._steps.append(partial(self._replan, item_id, reason, fallback))
             return
         self._n_requests -= 1
@@ -314,7 +314,7 @@ class Dispatcher:
         return True
 
     def _follow(self, plan: Plan, schedule: Schedule) -> None:
-        """Put a plan in the place of the one that was followed; what it leaves out and had not begun is forgotten."""
+        """Replace the current plan. Items that the new plan leaves out and that had not begun are dropped."""
         self._plan, self._schedule = plan, schedule
         self._items = {item.item_id: item for item in plan.items}
         self._open_items = self._items.keys() - self.outcomes.keys()
@@ -327,7 +327,7 @@ class Dispatcher:
                 self._schedule_step(self._instant_ns(arrival.at_s), partial(self._handle_fact, arrival.fact))
 
     def _handle_standstill(self) -> None:
-        """Give up what is left, when nothing more is going to happen."""
+        """Give up the remaining items when nothing more can happen."""
         open_items = [item for item in self._plan.items if item.item_id not in self.outcomes]
         if self._manager.active:
             self.stuck = self.stuck or tuple(open_items)

@@ -1,4 +1,4 @@
-"""Real time: actions happen when the wall clock gets there, those that other threads ask for at once."""
+"""Real time: scheduled actions run when the wall clock reaches them, actions of other threads run at once."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class RealTimeLoop:
         return self._clock_ns()
 
     def schedule(self, time_ns: int, action: Action, priority: int = 0) -> None:
-        """Let an action happen at an instant; one that is past at once, after what was submitted."""
+        """Run an action at an instant. If that is past, run it at once, after all submitted actions."""
         self._inbox.put((max(time_ns, 0), priority, next(self._number), action))
 
     def submit(self, action: Action) -> None:
-        """Let an action happen at once, before all that is scheduled."""
+        """Run an action at once, before all scheduled actions."""
         self._inbox.put((_AT_ONCE, 0, next(self._number), action))
 
     def run(self, until: Callable[[], bool]) -> None:

@@ -1,4 +1,4 @@
-"""Another plan for a run under way: when one is asked for, whether it can be followed, and what it leaves out."""
+"""Replan a run under way: when to ask for another plan, whether it can be followed, and what it leaves out."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Replanner:
         return ", ".join(shortfalls)
 
     def _schedule_delay_check(self, item: PlanItem) -> None:
-        """Look at an item when it should have been over long enough."""
+        """Schedule a check of an item for when its end is overdue."""
         if item.planned_end_s is not None:
             late_ns = self._instant_ns(item.planned_end_s) + round(self._policy.delay_s * NS_PER_S) + 1
             self._clock.schedule(late_ns, partial(self._check_delay, item.item_id), AFTER_ALL)
@@ -128,7 +128,7 @@ class Replanner:
         return self._start_ns + round(second * NS_PER_S)
 
     def _check_plan(self, plan: Plan, state: RunState) -> None:
-        """Raise if a plan cannot take the place of the one that is followed."""
+        """Raise if a plan cannot replace the current one."""
         where = f"plan {plan.name!r}"
         plan_of_value(plan.to_json(), where)  # what could not be read from the log again
         running = {run.item_id for run in state.running.values()}

@@ -1,4 +1,4 @@
-"""What a run is made of, whatever carries it out: its opening fact and its dispatcher come from here."""
+"""The inputs of a run, for every executor. They give its opening fact and its dispatcher."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The life of each command between dispatcher and executor: checked, handed over, listened to, limited in time."""
+"""Manage each command between dispatcher and executor: check it, hand it over, follow it, limit its time."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from hrclog.state import PLANNED, ExecutionState, Phase, apply
 from hrclog.units import NS_PER_S
 
 AFTER_ALL: Final = 9
-"""Priority of what looks at an instant when all that happens then has happened."""
+"""Priority of actions that run after all other actions of the same instant."""
 
 OnEnd = Callable[[Command, TaskEnded, bool], None]
 """Told of every end: the command, its last event, and whether another attempt makes sense."""
@@ -43,14 +43,14 @@ _TIMED_OUT_IF: Final = (Outcome.CANCELED, Outcome.FAILED)
 
 @dataclass(slots=True)
 class _Execution:
-    """A command that was handed out, and what has come of it."""
+    """A command that was handed out, and its state."""
 
     command: Command
     executor: Executor | None
     timeout_s: float | None
     state: ExecutionState = PLANNED
     last_ns: int = 0
-    limit: str = ""  # that it ran into
+    limit: str = ""  # the limit that it exceeded
     canceled: bool = False
 
     def over(self) -> bool:
@@ -59,9 +59,9 @@ class _Execution:
 
 
 class TaskManager:
-    """Hand commands to the executors of their agents, and let through only what the state machine allows.
+    """Hand commands to the executors of their agents, and accept only events that the state machine allows.
 
-    Whatever an executor says, this raises nothing and forgets nothing: what does not fit is kept as an annotation.
+    An event of an executor never raises here and is never lost: an event that is not accepted becomes an annotation.
 
     Args:
         problem: the tasks there are, and who can do them.
@@ -156,7 +156,7 @@ class TaskManager:
         self._clock.submit(partial(self._handle_event, executor, event))
 
     def _handle_event(self, executor: Executor, event: Event) -> None:
-        """Let an executor's event through, or keep it as an annotation."""
+        """Accept an executor's event, or keep it as an annotation."""
         if isinstance(event, TaskFact) and event.parent_execution_id:
             self._handle_step(executor, event)
         elif isinstance(event, TaskFact | CommandRejected):
@@ -174,7 +174,7 @@ class TaskManager:
             self._drop(executor, event, "it is not an executor's to say")
 
     def _handle_step(self, executor: Executor, event: TaskFact) -> None:
-        """Let a step of a running execution through; its executor numbers its steps by itself."""
+        """Accept a step of a running execution. Its executor chooses the ids of its steps."""
         parent = self._executions.get(str(event.parent_execution_id))
         if parent is None or parent.executor is not executor or parent.over() or event.execution_id in self._executions:
             self._drop(executor, event, f"execution {event.parent_execution_id!r} is none that it can be a step of")
@@ -211,7 +211,7 @@ class TaskManager:
             self._end(execution, Outcome.FAILED, reason)
 
     def _advance(self, execution: _Execution, fact: TaskFact, state: ExecutionState, *, may_retry: bool = True) -> None:
-        """Note what was written, and act on it."""
+        """Store the new state of an execution, and act on it."""
         execution.state, execution.last_ns = state, fact.time_ns
         if isinstance(fact, TaskStarted):
             self._schedule_limit(execution, Phase.STARTED, execution.timeout_s, "took longer than")
@@ -224,7 +224,7 @@ class TaskManager:
             self._schedule_after(limit_s, partial(self._cancel_if_overdue, execution, phase, f"{text} {limit_s:g} s"))
 
     def _cancel_if_overdue(self, execution: _Execution, phase: Phase, limit: str) -> None:
-        """Cancel an execution that has not come out of a phase in time."""
+        """Cancel an execution that has not left a phase in time."""
         current_phase = execution.state.phase
         if (
             current_phase is Phase.ENDED
@@ -249,7 +249,7 @@ class TaskManager:
         self._end(execution, Outcome.FAILED, reason, may_retry=False)
 
     def _end(self, execution: _Execution, outcome: Outcome, reason: str, *, may_retry: bool = True) -> None:
-        """End an execution that its executor does not end."""
+        """End an execution in place of its executor."""
         if execution.over():
             self._annotate(f"executor of {execution.command.agent!r}, after its end: {reason}", {})
             return
@@ -277,7 +277,7 @@ class TaskManager:
         return True
 
     def _drop(self, executor: Executor | None, event: object, reason: str) -> None:
-        """Keep what an executor said and what cannot be an event."""
+        """Keep an executor's event that was not accepted, as an annotation."""
         agents = ", ".join(repr(agent) for agent, owner in self._executors.items() if owner is executor)
         kind = event.kind if isinstance(event, Event) else type(event).__name__
         self._annotate(f"executor of {agents} said {kind}, not taken: {reason}", {"not_taken": _event_fields(event)})
@@ -289,7 +289,7 @@ class TaskManager:
         self._clock.schedule(self._clock.now_ns + round(seconds * NS_PER_S), action, AFTER_ALL)
 
     def _now_ns(self, execution: _Execution) -> int:
-        """Return the instant, never before what has happened to an execution."""
+        """Return the current instant, never before the last event of an execution."""
         return max(self._clock.now_ns, execution.last_ns)
 
 
@@ -298,13 +298,17 @@ def _is_instant(value: object) -> bool:
 
 
 def _with_command_ids(execution: _Execution, event: TaskFact) -> TaskFact:
-    """Return an event with all of its command's ids, and no earlier than what happened before."""
-    ids = identity(execution.command) | {"agent": event.agent, "task": event.task}  # a wrong one is told, not mended
+    """Return an event with all ids of its command, and no earlier than the previous event of the execution."""
+    # a wrong agent or task is reported, not corrected
+    ids = identity(execution.command) | {
+        "agent": event.agent,
+        "task": event.task,
+    }
     return replace(event, time_ns=max(event.time_ns, execution.last_ns), **ids)
 
 
 def _with_timeout_outcome(execution: _Execution, fact: TaskFact) -> TaskFact:
-    """Return an end as timed out if a limit was the cause of it; work that was done all the same stays done."""
+    """Return an end as timed out if a limit caused it. Work that succeeded in spite of the limit stays succeeded."""
     if isinstance(fact, TaskEnded) and execution.limit and fact.outcome in _TIMED_OUT_IF:
         executor_reason = f" ({fact.reason})" if fact.reason not in ("", execution.limit) else ""
         return replace(fact, outcome=Outcome.TIMED_OUT, reason=execution.limit + executor_reason)
@@ -312,7 +316,7 @@ def _with_timeout_outcome(execution: _Execution, fact: TaskFact) -> TaskFact:
 
 
 def _event_fields(event: object) -> dict[str, Any]:
-    """Return what an event said, as JSON can hold it, without what it left out."""
+    """Return the fields of an event as JSON values, without unset fields."""
     if not isinstance(event, Event):
         return {"value": _safe_text(repr(event))}
     field_values: dict[str, Any] = {"kind": event.kind}

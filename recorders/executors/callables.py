@@ -59,7 +59,7 @@ class CallableExecutor:
         threading.Thread(target=self._run_function, args=(command,), name=command.task, daemon=True).start()
 
     def cancel(self, execution_id: str, reason: str) -> None:
-        """Ask the function to come to its end."""
+        """Ask the function to end."""
         command = self._running.get(execution_id)
         if command is not None:
             self._cancel_reasons[execution_id] = reason

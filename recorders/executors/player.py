@@ -1,4 +1,4 @@
-"""Play prepared courses of events: what scripts and replays have in common."""
+"""Play prepared courses of events: the common part of scripts and replays."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _END, _BEGIN = 0, 1  # what ends at an instant ends before anything begins there
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What is said about one command: (ns after the command, event), in that order; a deaf one ignores cancels."""
+    """The events of one command in order, each as (ns after the command, event). A deaf course ignores cancels."""
 
     steps: tuple[tuple[int, TaskFact], ...]
     deaf: bool = False
 
 
 class Player:
-    """Say each event of a course when its time has come, until the end or a cancel.
+    """Emit each event of a course at its instant, until the course ends or is cancelled.
 
     Args:
         clock: simulated or real.
@@ -39,7 +39,7 @@ class Player:
         self._schedule(command, course.steps, self._clock.now_ns)
 
     def cancel(self, execution_id: str, reason: str) -> None:
-        """End a course as canceled, now; one that is over or deaf is left alone."""
+        """End a course as canceled, now. A course that is over or deaf is not changed."""
         command, course = self._playing.get(execution_id, (None, None))
         if command is not None and course is not None and not course.deaf:
             del self._playing[execution_id]

@@ -1,4 +1,4 @@
-"""What a dispatcher asks of whatever carries tasks out: simulator, operator page, ROS node, replay."""
+"""The interface between a dispatcher and an executor: simulator, operator page, ROS node or replay."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def rejection(command: Command, *, time_ns: int, reason: str) -> CommandRejected
 
 @runtime_checkable
 class Executor(Protocol):
-    """Carries out the tasks of its agents and says what happens.
+    """Carries out the tasks of its agents and emits what happens.
 
     A command is answered by `command_rejected`, or by `task_started`, any number of pauses and resumptions, and one
     `task_ended`; one that is cancelled before its start by `task_ended` alone. Every event carries the command's ids
-    (`hrclog.events.event_on`). Facts that belong to no command (safety states, heartbeats) come the same way. What
-    breaks these promises is kept as an annotation.
+    (`hrclog.events.event_on`). Facts that belong to no command (safety states, heartbeats) are emitted in the same
+    way. The dispatcher keeps events that break these rules as annotations.
     """
 
     @property

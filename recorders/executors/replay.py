@@ -1,4 +1,4 @@
-"""An executor that does again what a log tells."""
+"""An executor that replays the executions of a log."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class ReplayExecutor:
         self._player.emit = emit
 
     def start(self, command: Command) -> None:
-        """Do again what was done."""
+        """Replay the next recorded execution of this agent and task."""
         recorded = self._recorded.get((command.agent, command.task), [])
         if recorded:
             self._player.play(command, _course(command, recorded.pop(0), self._last_ns))

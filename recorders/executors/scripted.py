@@ -1,4 +1,4 @@
-"""An executor that does what a script says, misbehaviour included: for trying out plans and dispatchers."""
+"""An executor that follows a script, misbehaviour included. Use it to try out plans and dispatchers."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Misbehaviour(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptStep:
-    """What becomes of one command of (agent, task)."""
+    """How one command of (agent, task) is carried out."""
 
     agent: str
     task: str
@@ -53,7 +53,7 @@ class ScriptStep:
 
 
 class ScriptedExecutor:
-    """Do with the n-th command of an (agent, task) what its n-th step says; the last step holds for all after it.
+    """Carry out the n-th command of an (agent, task) by its n-th step. The last step also holds for all later commands.
 
     A command of an (agent, task) without steps is rejected.
 

@@ -1,4 +1,4 @@
-"""Which attempts a dump hides: gaps in the trailing counter of recipe names.
+"""Find attempts that a dump lacks: gaps in the trailing counter of recipe names.
 
 The authors' stack deletes a failed recipe and runs it again under the next number, so a missing number hints at a
 deleted attempt. Recipes are numbered within a session: what stands before the repetition and the time of its start.
@@ -28,7 +28,7 @@ class Gap:
 def gap_report(recipes: Iterable[str]) -> list[Gap]:
     """Return one row per planner prefix, sorted; attempts = largest - smallest counter + 1 of each session.
 
-    Names without a counter take no part.
+    Names without a counter are ignored.
     """
     counters: dict[tuple[str, str], set[int]] = {}
     for recipe in recipes:

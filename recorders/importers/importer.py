@@ -1,4 +1,4 @@
-"""What an importer is: one class that turns files of another system into the events of runs."""
+"""The base class of importers, which turn files of another system into the events of runs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Foreign:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """What an import did: logs written, logs that were there and are the same, the names of all runs in order."""
+    """The result of an import: logs written, logs that existed unchanged, and the names of all runs in order."""
 
     written: list[Path] = field(default_factory=list)
     unchanged: list[Path] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Read MongoDB dumps of task results: which documents can be used, and what is wrong with the others.
+"""Read MongoDB dumps of task results: the usable documents, and the problems of the others.
 
 A dump is a JSON array or one document per line, in relaxed or canonical extended JSON, as mongoexport writes them.
 """
@@ -26,7 +26,7 @@ _LONGEST_REPR: Final = 80  # characters of a strange value
 
 
 def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnostic]]:
-    """Return the usable documents of a dump, and what is wrong with others.
+    """Return the usable documents of a dump, and the problems of the others.
 
     Raises:
         ImportDataError: the file is missing, not JSON, or no array of task results.
@@ -52,7 +52,7 @@ def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnost
 
 
 def document_id(row: Mapping[str, Any]) -> str:
-    """Return what tells a document from others of its recipe."""
+    """Return an id that is unique among the documents of a recipe."""
     identity = row.get("_id")
     if isinstance(identity, dict) and "$oid" in identity:
         return str(identity["$oid"])

@@ -1,4 +1,4 @@
-"""What all importers share: from the events of foreign runs to logs, one a run, none overwritten."""
+"""The common part of all importers: write the events of foreign runs to one log per run, and overwrite none."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def import_files(
     on_run: Callable[[Path], None] = lambda _: None,
     **options: Any,  # noqa: ANN401 - what the importer's options hold
 ) -> Imported:
-    """Write one log per run; a run whose log is there already is left alone.
+    """Write one log per run. A run whose log already exists is not written again.
 
     Args:
         importer: reads the sources.

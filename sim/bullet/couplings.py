@@ -1,4 +1,4 @@
-"""How much tasks of different agents slowed each other, counted while it happens."""
+"""Count, tick by tick, how much tasks of different agents slow each other."""
 
 from __future__ import annotations
 

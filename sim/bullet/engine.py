@@ -1,7 +1,7 @@
 """The stepped cell: robot and human in PyBullet, guarded by a safety policy, in ticks of simulated time.
 
-Nothing is simulated that the question does not need: bodies are moved, not pushed. Every tick the robot goes on along
-its path as fast as the override lets it; every other tick the policy looks at where everybody is.
+The simulation has kinematics only: bodies are moved, not pushed. Every tick the robot moves along its path as fast as
+the override allows. Every other tick the policy checks where the robot and the human are.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from hrclog.units import NS_PER_S
 
 _LOOK_EVERY: Final = 2
 _SCALE_CHANGE: Final = 0.1
-"""The speed scale is told as an event when it has changed by this much, or its mode has."""
+"""A safety event is emitted when the speed scale has changed by this much, or the mode has changed."""
 _DIGITS: Final = 6
 
 
@@ -125,7 +125,7 @@ class BulletCell:
         self._emit = emit
 
     def _wake(self) -> None:
-        """Let ticks go by again, on the beat that the run began with."""
+        """Restart the ticks, at whole ticks from the start of the run."""
         if not self._ticking:
             self._ticking = True
             ticks = (self._clock.now_ns - self._start_ns) // TICK_NS + 1
@@ -155,7 +155,7 @@ class BulletCell:
         self._schedule_tick(now_ns + TICK_NS)
 
     def _describe_activities(self) -> str:
-        """Return what everybody is at, for the message of a run that does not end."""
+        """Describe what each agent is doing, for the error message of a run that does not end."""
         activities = [
             f"{executor.agents[0]} is at {executor.running.command.task!r}"
             if executor.running
@@ -165,7 +165,7 @@ class BulletCell:
         return ", ".join([*activities, f"speed scale {self._override.scale:.2g} {self._limit.zone}".rstrip()])
 
     def _schedule_tick(self, next_ns: int) -> None:
-        """Let another tick follow while anybody has something to do."""
+        """Schedule the next tick while an agent has something to do."""
         self._ticking = not self._stopped and (self._robot.busy or self._human.busy or not self._human.at_home)
         if self._ticking:
             self._clock.schedule(next_ns, self._tick, TICK)
@@ -253,7 +253,7 @@ _PROTECTIVE: Final = "protective_stop"
 
 
 class _WithCellEvents:
-    """An executor that lets its cell speak too: safety states belong to no command."""
+    """An executor whose cell emits events too: safety states belong to no command."""
 
     def __init__(self, executor: Executor, listen: Callable[[Emit], None]) -> None:
         self._executor = executor
@@ -269,7 +269,7 @@ class _WithCellEvents:
 
 
 class _View:
-    """What the policy sees at an instant; what is dear is found when it is asked for."""
+    """What the policy sees at an instant. Expensive values are computed on demand."""
 
     def __init__(
         self, world: World, arm: RailArm, robot: FloatArray, people: FloatArray, velocity: FloatArray | None

@@ -153,7 +153,7 @@ class HumanExecutor(SteppedExecutor):
         return 0.0 if near else 1.0
 
     def idle(self) -> None:
-        """Let a tick go by without work: after a while the human goes home."""
+        """Advance by one tick without work. After a while the human goes home."""
         if self.running is not None or self.at_home:
             self._idle_ticks = 0
             return
@@ -209,7 +209,7 @@ class HumanExecutor(SteppedExecutor):
             self._joints = step.motion.at(done_s)
 
     def _choose_near(self, candidates: list[tuple[str, Point]], chance: float) -> tuple[str, Point]:
-        """Return one of the nearest things: people look for what is at hand, not for what is nearest to the inch."""
+        """Return one of the nearest candidates: people take something close by, not exactly the nearest object."""
         x, y = self._joints[:2].tolist()
         nearest = sorted(
             candidates, key=lambda candidate: (math.hypot(candidate[1][0] - x, candidate[1][1] - y), candidate[0])

@@ -1,4 +1,4 @@
-"""How the human moves: walk to where the target is in reach, reach, grasp or let go, draw back. Not planned, lived."""
+"""How the human moves: walk to where the target is in reach, reach, grasp or let go, draw back. No path planning."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The truth about a campaign of a cell whose couplings are not given but happen: summed up from its runs."""
+"""The truth about a campaign whose couplings are not inputs but arise in the cell: summed over its runs."""
 
 from __future__ import annotations
 

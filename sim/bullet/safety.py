@@ -1,6 +1,7 @@
 """Safety policies: how fast the robot may go, given where the human is. A simulation, never a safety function.
 
-Each policy returns a speed scale in [0, 1]; `Override` is what the robot makes of it, with brakes that need time.
+Each policy returns a speed scale in [0, 1]. `Override` is the scale of the robot, which follows with brakes that need
+time.
 """
 
 from __future__ import annotations

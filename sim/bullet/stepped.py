@@ -1,4 +1,4 @@
-"""What the stepped executors have in common: the life of a command from its gap to its end, in ticks.
+"""The common part of the stepped executors: a command from its gap to its end, in ticks.
 
 A task is one skill or a sequence of them. Each skill is planned, moved through, and ends; only time is scaled, so that
 
@@ -163,7 +163,7 @@ class SteppedExecutor(ABC):
         skills = deque(part for name in names for part in _single_target_skills(self._cell.skill[command.agent, name]))
         execution = Execution(command, skills, fails, fault.reason if fault else "")
         self._waiting[command.execution_id] = execution
-        # commands may come between two ticks: an execution begins on the beat
+        # commands may come between two ticks, but an execution begins at a tick
         begin_ns = self._clock.now_ns - self._start_ns + math.ceil(gap_s / TICK_S) * TICK_NS
         begin_ns = self._start_ns - (-begin_ns // TICK_NS) * TICK_NS
         self._clock.schedule(begin_ns, partial(self._begin, execution), BEGIN)
@@ -182,7 +182,7 @@ class SteppedExecutor(ABC):
             self._end(self.running, Outcome.CANCELED, reason)
 
     def step(self, scale: float) -> None:
-        """Let a tick go by.
+        """Advance by one tick.
 
         Args:
             scale: share of full speed that motions go on at.

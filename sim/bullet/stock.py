@@ -1,4 +1,4 @@
-"""Which object is where, who has a claim on it, and which slots are free."""
+"""Where each object is, which agent claims it, and which slots are free."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def _fault(entry: JsonRecord) -> Fault:
 
 
 def _check_scene(cell: Cell, where: str) -> None:
-    """Raise now for what no log could hold, and not after the first run."""
+    """Raise for a scene that no log can hold, before the first run."""
     for policy in POLICIES:
         try:
             scene_text(scene_of(replace(cell, safety=replace(cell.safety, policy=policy))))
