@@ -120,7 +120,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the room defines
-    """Import a public name from its room."""
+    """Import a public name from the package that defines it."""
     if name not in _LAZY:
         raise AttributeError(f"module 'hrclog' has no attribute {name!r}")
     value = getattr(importlib.import_module(_LAZY[name]), name)

@@ -1,4 +1,4 @@
-"""The numpy arrays that the rooms pass around, by element type; docstrings state the shapes."""
+"""Types of numpy arrays by element type; docstrings state the shapes."""
 
 from __future__ import annotations
 

@@ -148,8 +148,8 @@ def _check_instants(row: Mapping[str, Any]) -> None:
             continue
         lowest = 0 if name == "time_ns" else -LATEST_NS
         if not isinstance(value, int) or isinstance(value, bool) or not lowest <= value <= LATEST_NS:
-            found = f"{row['kind']}: {name} is {value!r} ({type(value).__name__})"
-            raise InvalidEventError(f"{found}, expected whole nanoseconds since 1970 from {lowest} to {LATEST_NS}")
+            value_text = f"{row['kind']}: {name} is {value!r} ({type(value).__name__})"
+            raise InvalidEventError(f"{value_text}, expected whole nanoseconds since 1970 from {lowest} to {LATEST_NS}")
 
 
 def _check_word(row: Mapping[str, Any], name: str, words: tuple[str, ...]) -> None:

@@ -33,62 +33,62 @@ class JsonRecord:
         self._fields: Mapping[str, Any] = value if isinstance(value, Mapping) else {}
         self._silent = False
         if not isinstance(value, Mapping):
-            self._instead(wrong(where, value, "a JSON object"), None)
-            self._silent = True  # that all its fields are missing is no news
-        known = ", ".join(sorted(allowed))
+            self._note_error(wrong(where, value, "a JSON object"), None)
+            self._silent = True  # do not report every field as missing too
+        field_names = ", ".join(sorted(allowed))
         for name in sorted(set(self._fields) - set(allowed)):
-            self._instead(ScenarioError(f"{where}: unknown field {name!r}; the fields are {known}"), None)
+            self._note_error(ScenarioError(f"{where}: unknown field {name!r}; the fields are {field_names}"), None)
 
     def __contains__(self, name: str) -> bool:
         return name in self._fields
 
     def error(self, name: str, expected: str) -> ScenarioError:
-        """Return the error that says a field is not what it should be."""
-        return wrong(self._at(name), self._fields.get(name), expected)
+        """Return the error for a field with a wrong value."""
+        return wrong(self._field_place(name), self._fields.get(name), expected)
 
     def instead(self, name: str, expected: str, value: T) -> T:
-        """Note that a field is not what it should be and return a value in its place; raise where nobody collects."""
-        return self._instead(self.error(name, expected), value)
+        """Note that a field is wrong and return a substitute; raise if problems are not collected."""
+        return self._note_error(self.error(name, expected), value)
 
     def text(self, name: str, default: str | None = None) -> str:
         """Return a text; without a default it must be there and not be empty."""
 
-        def is_right(value: object) -> bool:
+        def is_valid(value: object) -> bool:
             return isinstance(value, str) and bool(value or default is not None) and _is_text(value)
 
         expected = "a text that is not empty" if default is None else "a text"
-        value: str = self._value(name, default, is_right, expected, default or "?")
+        value: str = self._value(name, default, is_valid, expected, default or "?")
         return value  # as it is: a default may be a member of an enumeration
 
     def choice(self, name: str, allowed: Sequence[str], default: str | None = None) -> str:
         """Return one of some texts."""
 
-        def is_right(value: object) -> bool:
+        def is_valid(value: object) -> bool:
             return isinstance(value, str) and value in allowed
 
-        return str(self._value(name, default, is_right, f"one of {', '.join(allowed)}", allowed[0]))
+        return str(self._value(name, default, is_valid, f"one of {', '.join(allowed)}", allowed[0]))
 
     def number(self, name: str, default: float | None = None, *, least: float = 0.0, most: float = math.inf) -> float:
         """Return a finite number from `least` to `most`."""
 
-        def is_right(value: Any) -> bool:  # noqa: ANN401 - a JSON value
+        def is_valid(value: Any) -> bool:  # noqa: ANN401 - a JSON value
             return _is_number(value) and least <= value <= most
 
         expected = f"a number from {least:g}" + (f" to {most:g}" if math.isfinite(most) else "")
-        return float(self._value(name, default, is_right, expected, max(least, min(1.0, most))))
+        return float(self._value(name, default, is_valid, expected, max(least, min(1.0, most))))
 
     def positive(self, name: str) -> float:
         """Return a finite number above 0."""
         value = self.number(name)
-        return value if value > 0.0 else self._instead(self.error(name, "a number above 0"), 1.0)
+        return value if value > 0.0 else self._note_error(self.error(name, "a number above 0"), 1.0)
 
     def integer(self, name: str, default: int | None = None, *, least: int = 0) -> int:
         """Return a whole number of at least `least`."""
 
-        def is_right(value: object) -> bool:
+        def is_valid(value: object) -> bool:
             return isinstance(value, int) and not isinstance(value, bool) and value >= least
 
-        return int(self._value(name, default, is_right, f"a whole number of at least {least}", least))
+        return int(self._value(name, default, is_valid, f"a whole number of at least {least}", least))
 
     def flag(self, name: str) -> bool:
         """Return true or false; false where it is not there."""
@@ -97,12 +97,12 @@ class JsonRecord:
     def texts(self, name: str, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
         """Return a list of texts."""
 
-        def is_right(value: object) -> bool:
+        def is_valid(value: object) -> bool:
             return isinstance(value, list) and all(
                 isinstance(text, str) and bool(text) and _is_text(text) for text in value
             )
 
-        return tuple(self._value(name, default, is_right, "a list of texts", ()))
+        return tuple(self._value(name, default, is_valid, "a list of texts", ()))
 
     def names(self, name: str) -> tuple[str, ...]:
         """Return the names of the fields of a nested object."""
@@ -115,23 +115,25 @@ class JsonRecord:
     def number_lists(self, name: str) -> list[tuple[float, ...]]:
         """Return a list of lists of finite numbers."""
 
-        def is_right(value: object) -> bool:
+        def is_valid(value: object) -> bool:
             return isinstance(value, list) and all(_is_numbers(entry) for entry in value)
 
         return [
-            tuple(map(float, entry)) for entry in self._value(name, None, is_right, "a list of lists of numbers", ())
+            tuple(map(float, entry)) for entry in self._value(name, None, is_valid, "a list of lists of numbers", ())
         ]
 
     def record(self, name: str, allowed: Sequence[str]) -> JsonRecord:
         """Return a nested object."""
-        return self._nested(self._value(name, None, lambda _: True, "", None), self._at(name), allowed)
+        return self._nested(self._value(name, None, lambda _: True, "", None), self._field_place(name), allowed)
 
     def records(self, name: str, allowed: Sequence[str], *, required: bool = True) -> list[JsonRecord]:
         """Return a list of nested objects; [] where it is not required and not there."""
         if name not in self._fields and not required:
             return []
         entries = self._value(name, None, lambda value: isinstance(value, list), "a list of JSON objects", [])
-        return [self._nested(entry, f"{self._at(name)}[{index}]", allowed) for index, entry in enumerate(entries)]
+        return [
+            self._nested(entry, f"{self._field_place(name)}[{index}]", allowed) for index, entry in enumerate(entries)
+        ]
 
     def noted(self, read: Callable[[], T]) -> T | None:
         """Return what a function reads; where this object collects problems and it finds some, note them and go on.
@@ -143,9 +145,9 @@ class JsonRecord:
 
     def whole(self, read: Callable[[], T]) -> T | None:
         """Return what a function reads of this object, or None where something of that is wrong."""
-        known = len(self.problems or ())
+        n_before = len(self.problems or ())
         value = read()
-        return value if not self._silent and len(self.problems or ()) == known else None
+        return value if not self._silent and len(self.problems or ()) == n_before else None
 
     def strict(self) -> JsonRecord:
         """Return the same object, but with the first error raised."""
@@ -175,31 +177,31 @@ class JsonRecord:
     def _nested(self, value: object, where: str, allowed: Sequence[str]) -> JsonRecord:
         if value is None and self.problems is not None:
             missing = JsonRecord({}, where, allowed, self.problems)
-            missing._silent = True  # that it is missing was said
+            missing._silent = True  # its absence has been reported
             return missing
         return JsonRecord(value, where, allowed, self.problems)
 
-    def _at(self, name: str) -> str:
+    def _field_place(self, name: str) -> str:
         return f"{self.where}: {name}"
 
     def _value(
         self,
         name: str,
         default: Any,  # noqa: ANN401 - a JSON value
-        is_right: Callable[[Any], bool],
+        is_valid: Callable[[Any], bool],
         expected: str,
-        instead: Any,  # noqa: ANN401 - a value of the type that is read
+        substitute: Any,  # noqa: ANN401 - a value of the type that is read
     ) -> Any:  # noqa: ANN401 - a JSON value
-        """Return the value of a field, its default where it is absent, or something in its place where it is wrong."""
+        """Return the value of a field, its default if it is absent, or the substitute if it is wrong."""
         if name not in self._fields:
             if default is not None:
                 return default
-            return self._instead(ScenarioError(f"{self.where}: {name!r} is missing; add it"), instead)
+            return self._note_error(ScenarioError(f"{self.where}: {name!r} is missing; add it"), substitute)
         value = self._fields[name]
-        return value if is_right(value) else self._instead(self.error(name, expected), instead)
+        return value if is_valid(value) else self._note_error(self.error(name, expected), substitute)
 
-    def _instead(self, error: ScenarioError, value: T) -> T:
-        """Note an error and return a value in place of what is wrong, or raise it where nobody collects them."""
+    def _note_error(self, error: ScenarioError, value: T) -> T:
+        """Note an error and return a substitute value; raise the error if problems are not collected."""
         if self.problems is None:
             raise error
         if not self._silent:
@@ -254,7 +256,7 @@ def _is_text(value: str) -> bool:
 
 
 def wrong(where: str, found: object, expected: str) -> ScenarioError:
-    """Return the error of a value that is not what it should be."""
+    """Return the error for a wrong value."""
     return ScenarioError(f"{where}: found {str(found)[:80]!r}, expected {expected}; correct it")
 
 

@@ -82,10 +82,10 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises:
             PluginError: it is of another kind, or its name is no name or is taken.
         """
-        made = self._made(thing, _path(thing))
-        name = self._checked_name(made, _path(thing))
-        self._keep(name, made, _path(thing))
-        return made
+        instance = self._make_instance(thing, _path(thing))
+        name = self._name_of(instance, _path(thing))
+        self._add_instance(name, instance, _path(thing))
+        return instance
 
     def reference(self, name: str) -> str:
         """Return what finds a thing in another process: its name, or the dotted path of one that was added here."""
@@ -93,43 +93,43 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def _load(self, name: str) -> None:
         if name in self._paths:
-            self._loaded[name] = self._made(imported(self.kind, self._paths[name]), self._paths[name])
+            self._loaded[name] = self._make_instance(imported(self.kind, self._paths[name]), self._paths[name])
         elif ":" in name:
             _make_working_folder_importable()
-            made = self._made(imported(self.kind, name), name)
-            self._keep(self._checked_name(made, name), made, name)
-            self._loaded[name] = made
+            instance = self._make_instance(imported(self.kind, name), name)
+            self._add_instance(self._name_of(instance, name), instance, name)
+            self._loaded[name] = instance
         elif name in (points := self._entry_points()):
-            self._loaded[name] = self._made(imported(self.kind, points[name]), points[name])
+            self._loaded[name] = self._make_instance(imported(self.kind, points[name]), points[name])
         else:
-            yours = f", or package.module:NAME of {'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} of yours"
+            alternative = f", or package.module:NAME of {'an' if self.kind[0] in 'aeiou' else 'a'} {self.kind} of yours"
             raise PluginError(
-                f"{self.kind} is {name!r}, expected one of {', '.join(self.names())}{yours if self.group else ''}"
+                f"{self.kind} is {name!r}, expected one of {', '.join(self.names())}{alternative if self.group else ''}"
             )
 
-    def _made(self, thing: object, where: str) -> T:
+    def _make_instance(self, thing: object, where: str) -> T:
         base: type[T] = imported(self.kind, self._base)
         try:
-            made = thing() if isinstance(thing, type) else thing
+            instance = thing() if isinstance(thing, type) else thing
         except TypeError as error:
             raise PluginError(f"{self.kind} {where}: it cannot be made ({error}); expected a complete class") from error
-        if not isinstance(made, base):
+        if not isinstance(instance, base):
             expected = f"expected {self._base.replace(':', '.')} or a subclass of it"
-            raise PluginError(f"{self.kind} {where}: found {type(made).__name__}, {expected}")
-        return made
+            raise PluginError(f"{self.kind} {where}: found {type(instance).__name__}, {expected}")
+        return instance
 
-    def _checked_name(self, made: T, where: str) -> str:
-        name = getattr(made, "name", None)
+    def _name_of(self, instance: T, where: str) -> str:
+        name = getattr(instance, "name", None)
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             expected = "expected letters, digits, dots, hyphens and underscores"
             raise PluginError(f"{self.kind} {where}: its name is {name!r}, {expected}; give the class a name")
         return name
 
-    def _keep(self, name: str, made: T, where: str) -> None:
+    def _add_instance(self, name: str, instance: T, where: str) -> None:
         holder = self._paths.get(name) or self._added.get(name) or self._entry_points().get(name, where)
         if holder != where:
             raise PluginError(f"{self.kind} {where}: the name {name!r} is taken by {holder}; choose another name")
-        self._loaded[name], self._added[name] = made, where
+        self._loaded[name], self._added[name] = instance, where
 
     def _entry_points(self) -> dict[str, str]:
         if not self.group:

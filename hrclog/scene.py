@@ -126,10 +126,10 @@ def _things(
     for index, entry in enumerate(entries[:MAX_THINGS]):
         try:
             if not isinstance(entry, Mapping):
-                raise _wrong("entry", entry, "a JSON object")
+                raise _value_error("entry", entry, "a JSON object")
             thing = read(entry)
             if thing.name in names:
-                raise _wrong("name", thing.name, "one of its own")
+                raise _value_error("name", thing.name, "one of its own")
         except ValueError as error:
             problems.append(f"{kind}[{index}]: {error}")
             continue
@@ -140,7 +140,7 @@ def _things(
 def _box(entry: Mapping[str, Any]) -> Box:
     size = _vector(entry, "size")
     if min(size) <= 0:
-        raise _wrong("size", size, "numbers above 0")
+        raise _value_error("size", size, "numbers above 0")
     yaw = _number("yaw", entry.get("yaw", 0.0))
     return Box(_name(entry), size, _vector(entry, "position"), yaw, _color(entry.get("color", _GREY)))
 
@@ -148,12 +148,12 @@ def _box(entry: Mapping[str, Any]) -> Box:
 def _area(entry: Mapping[str, Any]) -> Area:
     low, high = (cast("Point2", _numbers(entry, side, 2)) for side in ("low", "high"))
     if low[0] >= high[0] or low[1] >= high[1]:
-        raise _wrong("high", high, f"more than low, {low}")
+        raise _value_error("high", high, f"more than low, {low}")
     kind, agent = entry.get("kind"), entry.get("agent", "")
     if kind not in _KINDS:
-        raise _wrong("kind", kind, " or ".join(_KINDS))
+        raise _value_error("kind", kind, " or ".join(_KINDS))
     if not isinstance(agent, str):
-        raise _wrong("agent", agent, "a name")
+        raise _value_error("agent", agent, "a name")
     return Area(_name(entry), low, high, cast("AreaKind", kind), _text("agent", agent))
 
 
@@ -168,7 +168,7 @@ def _base(entry: Mapping[str, Any]) -> Base:
 def _name(entry: Mapping[str, Any]) -> str:
     name = entry.get("name")
     if not isinstance(name, str) or not name.strip():
-        raise _wrong("name", name, "a text that is not empty")
+        raise _value_error("name", name, "a text that is not empty")
     return _text("name", name)
 
 
@@ -176,7 +176,7 @@ def _text(what: str, text: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError as error:  # JSON can escape half of a surrogate pair
-        raise _wrong(what, text, "valid Unicode") from error
+        raise _value_error(what, text, "valid Unicode") from error
     return text
 
 
@@ -187,23 +187,23 @@ def _vector(entry: Mapping[str, Any], name: str) -> Vector:
 def _numbers(entry: Mapping[str, Any], name: str, count: int) -> tuple[float, ...]:
     value = entry.get(name)
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != count:
-        raise _wrong(name, value, f"{count} numbers")
+        raise _value_error(name, value, f"{count} numbers")
     return tuple(_number(name, number) for number in value)
 
 
 def _number(what: str, value: object) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= _FARTHEST_M:
-        raise _wrong(what, value, f"a number within {_FARTHEST_M:g} of 0")
+        raise _value_error(what, value, f"a number within {_FARTHEST_M:g} of 0")
     return float(value)
 
 
 def _color(value: object) -> Rgb:
-    fine = isinstance(value, Sequence) and len(value) == 3
-    if not fine or not all(isinstance(part, int) and 0 <= part <= 255 for part in cast("Rgb", value)):
-        raise _wrong("color", value, "3 whole numbers from 0 to 255")
+    is_triple = isinstance(value, Sequence) and len(value) == 3
+    if not is_triple or not all(isinstance(part, int) and 0 <= part <= 255 for part in cast("Rgb", value)):
+        raise _value_error("color", value, "3 whole numbers from 0 to 255")
     red, green, blue = cast("Rgb", value)
     return int(red), int(green), int(blue)
 
 
-def _wrong(what: str, found: object, expected: str) -> ValueError:
-    return ValueError(f"{what}: found {reprlib.repr(found)}, expected {expected}")
+def _value_error(what: str, value: object, expected: str) -> ValueError:
+    return ValueError(f"{what}: found {reprlib.repr(value)}, expected {expected}")

@@ -87,8 +87,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         click.echo("hrclog: interrupted", err=True)
         return 130
     except OSError as error:
-        # every path is opened behind a HrclogError, so this is standard output: its reader went away, or it is full.
-        # What is still buffered has nowhere to go.
+        # Code that opens a path raises HrclogError, so this error comes from standard output: its reader has closed it,
+        # or the disk is full. The rest of the buffer cannot be written.
         if debug:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

@@ -1,4 +1,4 @@
-"""What the verbs share: arguments, progress, tables and how diagnostics are told."""
+"""What the commands share: arguments, progress, tables and the printing of diagnostics."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Progress:
         """Count several steps."""
         self._count += count
         now = time.monotonic()
-        # there is no standard error where the caller has closed it
+        # sys.stderr is None if the caller has closed it
         if (
             sys.stderr is not None
             and sys.stderr.isatty()
@@ -133,9 +133,9 @@ def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
     from hrclog.diagnostic import loses_data
 
     rank = {"error": 0, "warning": 1, "info": 2}
-    found = sorted(diagnostics, key=lambda diagnostic: rank[diagnostic.severity])
+    ordered = sorted(diagnostics, key=lambda diagnostic: rank[diagnostic.severity])
     shown: Counter[str] = Counter()
-    for diagnostic in found:
+    for diagnostic in ordered:
         if diagnostic.severity == "info" and not info:
             continue
         shown[diagnostic.code] += 1
@@ -144,7 +144,7 @@ def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
     for code, count in shown.items():
         if count > _SHOWN_PER_CODE:
             click.echo(f"... and {count - _SHOWN_PER_CODE} more [{code}]", err=True)
-    return EXIT_DATA_LOST if loses_data(found) else EXIT_FINE
+    return EXIT_DATA_LOST if loses_data(ordered) else EXIT_FINE
 
 
 def table(
@@ -164,14 +164,14 @@ def table(
 
 
 def shortened(text: str) -> str:
-    """Return a text that leaves room for the other columns; the files hold it whole."""
+    """Return a text shortened to leave room for the other columns; the files hold the full text."""
     if len(text) <= _WIDEST_CELL:
         return text
     return f"{text[: _WIDEST_CELL // 2]}…{text[1 - _WIDEST_CELL // 2 :]}"
 
 
 def printable(text: str) -> str:
-    """Return a text without control characters: names in logs are not to be trusted with a terminal."""
+    """Return a text without control characters: names in logs must not control the terminal."""
     return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
 
 

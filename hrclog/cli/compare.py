@@ -92,15 +92,15 @@ def _save(comparison: Comparison, folder: Path) -> None:
 
 def _summary(comparison: Comparison, names: tuple[str, ...], analyses: tuple[Analysis, Analysis]) -> str:
     sides = (comparison.a, comparison.b)
-    told = zip("AB", names, sides, analyses, strict=True)
+    side_columns = zip("AB", names, sides, analyses, strict=True)
     others = comparison.metrics.filter(comparison.metrics["metric"] != "makespan_s")
     rates = comparison.success_rates
     parts = [
-        "\n".join([*(_side(*one) for one in told), *_makespan(comparison.metrics)]),
+        "\n".join([*(_side_line(*columns) for columns in side_columns), *_makespan(comparison.metrics)]),
         "\n".join(comparison.notes),
         _means("Metrics per run (fractions of the makespan, *_s in seconds; docs/metrics.md)", others, "of", 3),
         _means("Durations in s (of executions that succeeded)", comparison.durations, "task"),
-        # a task that never failed has nothing to tell
+        # omit tasks that never failed
         _means("Success rates", rates.filter((rates["mean_a"] < 1) | (rates["mean_b"] < 1)), "task"),
         _means("Plan and reality in s", comparison.plan, "agent"),
         _synergies(comparison),
@@ -109,7 +109,7 @@ def _summary(comparison: Comparison, names: tuple[str, ...], analyses: tuple[Ana
     return "\n\n".join(part for part in parts if part)
 
 
-def _side(letter: str, name: str, side: Side, analysis: Analysis) -> str:
+def _side_line(letter: str, name: str, side: Side, analysis: Analysis) -> str:
     executions = counted(int(analysis.runs["n_executions"].sum()), "execution")
     agents = ", ".join(side.agents)
     return printable(f"{letter}: {name}: {counted(len(side.run_ids), 'run')}, {executions}, agents: {agents}")
@@ -142,12 +142,12 @@ def _means(title: str, frame: pl.DataFrame, second: str, digits: int = 2) -> str
         for row in frame.head(_MOST_ROWS).iter_rows(named=True)
     ]
     header = (first, second, "A", "B", "B - A", "95 % interval", "differs", "n A", "n B")
-    return f"{title}\n{table(header, rows, lambda i: i > 1)}{_more(frame.height)}"
+    return f"{title}\n{table(header, rows, lambda i: i > 1)}{_omitted_note(frame.height)}"
 
 
 def _synergies(comparison: Comparison) -> str:
     frame = comparison.synergies
-    both = frame.filter((frame["n_a"] > 0) & (frame["n_b"] > 0))
+    observed = frame.filter((frame["n_a"] > 0) & (frame["n_b"] > 0))
     if frame.is_empty():
         return ""
     rows = [
@@ -163,18 +163,20 @@ def _synergies(comparison: Comparison) -> str:
             str(row["n_b"]),
             row["status_a"] if row["status_a"] == row["status_b"] else f"{row['status_a']} | {row['status_b']}",
         )
-        for row in both.head(_MOST_ROWS).iter_rows(named=True)
+        for row in observed.head(_MOST_ROWS).iter_rows(named=True)
     ]
     title = (
         f"Synergies by {comparison.estimator}: factor on a task's mean duration of its side while another's task runs"
     )
     header = ("task", "while", "A", "B", "B / A", "95 % interval", "differs", "n A", "n B", "status")
-    shown = f"\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_more(both.height)}" if rows else ""
-    missing = frame.height - both.height
+    rows_text = (
+        f"\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_omitted_note(observed.height)}" if rows else ""
+    )
+    missing = frame.height - observed.height
     note = (
         f"\n{counted(missing, 'pair')} of tasks overlapped on one side or none: nothing to compare" if missing else ""
     )
-    return f"{title}{shown}{note}"
+    return f"{title}{rows_text}{note}"
 
 
 def _caution(comparison: Comparison) -> str:
@@ -188,12 +190,16 @@ def _caution(comparison: Comparison) -> str:
     )
 
 
-def _interval(row: Row, told: Callable[[float | None, int], str], digits: int = 2) -> str:
-    return "n/a" if row["ci_low"] is None else f"[{told(row['ci_low'], digits)}, {told(row['ci_high'], digits)}]"
+def _interval(row: Row, format_number: Callable[[float | None, int], str], digits: int = 2) -> str:
+    return (
+        "n/a"
+        if row["ci_low"] is None
+        else f"[{format_number(row['ci_low'], digits)}, {format_number(row['ci_high'], digits)}]"
+    )
 
 
 def _signed(value: float | None, digits: int) -> str:
-    # what rounds to zero is not shown as -0
+    # show values that round to zero as 0, not -0
     return "n/a" if value is None else f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
@@ -205,5 +211,5 @@ def _flag(differs: bool | None) -> str:
     return "n/a" if differs is None else "yes" if differs else "no"
 
 
-def _more(height: int) -> str:
+def _omitted_note(height: int) -> str:
     return f"\n... and {counted(height - _MOST_ROWS, 'more row')}, see --json" if height > _MOST_ROWS else ""

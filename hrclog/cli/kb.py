@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hrclog.knowledge.base import KnowledgeBase
 
 
-def _given(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str:
+def _require_place(_context: click.Context, _parameter: click.Parameter, value: str | None) -> str:
     place = value or os.environ.get(VARIABLE, "")
     if not place:
         raise click.UsageError(f"no knowledge base is named: give --kb KB, or set {VARIABLE}")
@@ -33,7 +33,7 @@ kb_option = click.option(
     "--kb",
     "where",
     metavar="KB",
-    callback=_given,
+    callback=_require_place,
     help=f"kb.sqlite or postgresql://USER@HOST/DATABASE.  [default: what {VARIABLE} says]",
 )
 estimator_option = click.option(
@@ -67,10 +67,10 @@ def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:
     Example:
       hrclog kb ingest runs/*.mcap --kb kb.sqlite
     """
-    with _opened(where, create=True) as kb:
-        found = _ingest(kb, logs)
-        _say(_of_runs(found), _sentence(found), as_json=as_json)
-    return tell(found.diagnostics)
+    with _open_kb(where, create=True) as kb:
+        ingested = _ingest(kb, logs)
+        _print_result(_ingested_json(ingested), _ingested_text(ingested), as_json=as_json)
+    return tell(ingested.diagnostics)
 
 
 @command.command(name="update")
@@ -88,13 +88,17 @@ def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: s
     """
     from hrclog.analyzers.learning.ingest import Ingested, update_statistics
 
-    with _opened(where, create=bool(logs)) as kb:
-        found = _ingest(kb, logs) if logs else Ingested()
+    with _open_kb(where, create=bool(logs)) as kb:
+        ingested = _ingest(kb, logs) if logs else Ingested()
         changed = update_statistics(kb, estimator, outliers)
-        said = "statistics updated" if changed else "statistics are up to date"
-        sentence = f"{_sentence(found)}; {said}" if logs else said
-        _say(_of_runs(found) | {"updated": changed, "statistics": _made(kb)}, sentence, as_json=as_json)
-    return tell(found.diagnostics)
+        statistics_text = "statistics updated" if changed else "statistics are up to date"
+        sentence = f"{_ingested_text(ingested)}; {statistics_text}" if logs else statistics_text
+        _print_result(
+            _ingested_json(ingested) | {"updated": changed, "statistics": _statistics_json(kb)},
+            sentence,
+            as_json=as_json,
+        )
+    return tell(ingested.diagnostics)
 
 
 @command.command(name="show")
@@ -109,7 +113,7 @@ def show(where: str, as_json: bool) -> int:
     """
     from hrclog.cli.kb_text import contents, contents_text
 
-    with _opened(where) as kb, kb.view() as view:
+    with _open_kb(where) as kb, kb.view() as view:
         if as_json:
             print_json(contents(view))
         else:
@@ -134,12 +138,12 @@ def withdraw(run: str, where: str, reason: str, undo: bool, as_json: bool) -> in
 
     if undo and reason:
         raise click.UsageError("--reason does not go with --undo")
-    with _opened(where) as kb:
+    with _open_kb(where) as kb:
         run_id = kb.undo_withdrawal(run) if undo else kb.withdraw(run, reason)
         changed = update_statistics(kb)
-        what = "counts again" if undo else "is withdrawn"
-        sentence = f"{run} {what}; " + ("statistics updated" if changed else "statistics are as before")
-        _say({"run_id": run_id, "withdrawn": not undo, "updated": changed}, sentence, as_json=as_json)
+        change = "counts again" if undo else "is withdrawn"
+        sentence = f"{run} {change}; " + ("statistics updated" if changed else "statistics are as before")
+        _print_result({"run_id": run_id, "withdrawn": not undo, "updated": changed}, sentence, as_json=as_json)
     return EXIT_FINE
 
 
@@ -162,7 +166,7 @@ def export(where: str, output: Path | None, kind: str, target: str | None, as_js
     """
     if bool(output) == bool(target):
         raise click.UsageError("expected either -o DIR or --to mongodb://...")
-    with _opened(where) as kb:
+    with _open_kb(where) as kb:
         if target:
             from hrclog.knowledge.mongo import export_mongo
 
@@ -177,7 +181,7 @@ def export(where: str, output: Path | None, kind: str, target: str | None, as_js
             written = [{"path": str(path), "rows": count} for path, count in files]
             unit = "document" if kind == "json" else "row"
             lines = [f"{path}: {counted(count, unit)}" for path, count in files]
-    _say({"written": written}, "\n".join(lines), as_json=as_json)
+    _print_result({"written": written}, "\n".join(lines), as_json=as_json)
     return EXIT_FINE
 
 
@@ -195,12 +199,16 @@ def import_(source: Path, where: str, as_json: bool) -> int:
     from hrclog.analyzers.learning.ingest import update_statistics
     from hrclog.cli.kb_import import import_folder
 
-    with _opened(where, create=True) as kb:
-        found, method = import_folder(kb, source)
+    with _open_kb(where, create=True) as kb:
+        ingested, method = import_folder(kb, source)
         changed = update_statistics(kb, *method)
-        sentence = f"{_sentence(found)}; " + ("statistics updated" if changed else "statistics are up to date")
-        _say(_of_runs(found) | {"updated": changed, "statistics": _made(kb)}, sentence, as_json=as_json)
-    return tell(found.diagnostics)
+        sentence = f"{_ingested_text(ingested)}; " + ("statistics updated" if changed else "statistics are up to date")
+        _print_result(
+            _ingested_json(ingested) | {"updated": changed, "statistics": _statistics_json(kb)},
+            sentence,
+            as_json=as_json,
+        )
+    return tell(ingested.diagnostics)
 
 
 @command.command(name="rebuild")
@@ -219,18 +227,18 @@ def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: 
     from hrclog.analyzers.learning.ingest import rebuild as rebuild_from
 
     reading = Progress("reading logs")
-    with _opened(where, create=True) as kb:
+    with _open_kb(where, create=True) as kb:
         try:
-            found = rebuild_from(kb, logs, estimator, outliers, reading)
+            ingested = rebuild_from(kb, logs, estimator, outliers, reading)
         finally:
             reading.done()
-        said = f"made anew from {counted(len(found.added), 'run')}"
-        _say({"runs": found.added, "statistics": _made(kb)}, said, as_json=as_json)
-    return tell(found.diagnostics)
+        sentence = f"made anew from {counted(len(ingested.added), 'run')}"
+        _print_result({"runs": ingested.added, "statistics": _statistics_json(kb)}, sentence, as_json=as_json)
+    return tell(ingested.diagnostics)
 
 
 @contextmanager
-def _opened(where: str, *, create: bool = False) -> Iterator[KnowledgeBase]:
+def _open_kb(where: str, *, create: bool = False) -> Iterator[KnowledgeBase]:
     from hrclog.knowledge import open_knowledge
 
     with open_knowledge(where, create=create) as kb:
@@ -247,27 +255,27 @@ def _ingest(kb: KnowledgeBase, logs: tuple[str, ...]) -> Ingested:
         reading.done()
 
 
-def _of_runs(found: Ingested) -> dict[str, Any]:
+def _ingested_json(ingested: Ingested) -> dict[str, Any]:
     return {
-        "added": found.added,
-        "replaced": found.replaced,
-        "unchanged": found.unchanged,
-        "diagnostics": [finding.as_dict() for finding in found.diagnostics],
+        "added": ingested.added,
+        "replaced": ingested.replaced,
+        "unchanged": ingested.unchanged,
+        "diagnostics": [finding.as_dict() for finding in ingested.diagnostics],
     }
 
 
-def _sentence(found: Ingested) -> str:
-    replaced = f", {len(found.replaced)} replaced by a later version" if found.replaced else ""
-    return f"{counted(len(found.added), 'run')} added{replaced}, {len(found.unchanged)} there already"
+def _ingested_text(ingested: Ingested) -> str:
+    replaced = f", {len(ingested.replaced)} replaced by a later version" if ingested.replaced else ""
+    return f"{counted(len(ingested.added), 'run')} added{replaced}, {len(ingested.unchanged)} there already"
 
 
-def _made(kb: KnowledgeBase) -> dict[str, Any] | None:
+def _statistics_json(kb: KnowledgeBase) -> dict[str, Any] | None:
     from hrclog.cli.kb_text import made_from
 
     return made_from(kb.statistics())
 
 
-def _say(document: dict[str, Any], sentence: str, *, as_json: bool) -> None:
+def _print_result(document: dict[str, Any], sentence: str, *, as_json: bool) -> None:
     if as_json:
         print_json(document)
     else:

@@ -32,18 +32,18 @@ def import_folder(kb: KnowledgeBase, folder: Path) -> tuple[Ingested, Method]:
         KnowledgeError: the database fails.
     """
     if is_export(folder):
-        done, made = import_json(kb, folder)
+        run_ids, statistics = import_json(kb, folder)
         method: Method = (None, None)
-        if made and kb.statistics() is None:
-            method = (made[0], made[1])
-        return Ingested(done["added"], done["replaced"], done["unchanged"]), method
+        if statistics and kb.statistics() is None:
+            method = (statistics[0], statistics[1])
+        return Ingested(run_ids["added"], run_ids["replaced"], run_ids["unchanged"]), method
     if not (folder / _RESULTS).is_file():
         expected = f"a folder with {_RESULTS}, as hrclog kb export or mongoexport writes it"
         raise ImportDataError(folder, "none", expected, "correct the path")
     rows, diagnostics = read_task_results(folder / _RESULTS)
-    events, doubled = _events(rows, _properties(folder / _PROPERTIES), folder / _RESULTS)
-    found = ingest_events(kb, events)
-    return replace(found, diagnostics=[*diagnostics, *doubled, *found.diagnostics]), (None, None)
+    events, duplicates = _events(rows, _properties(folder / _PROPERTIES), folder / _RESULTS)
+    ingested = ingest_events(kb, events)
+    return replace(ingested, diagnostics=[*diagnostics, *duplicates, *ingested.diagnostics]), (None, None)
 
 
 def _events(
@@ -51,18 +51,18 @@ def _events(
 ) -> tuple[list[Event], list[Diagnostic]]:
     """Return the events of all recipes; the same document twice counts once."""
     runs: dict[str, dict[str, dict[str, Any]]] = {}
-    doubled: list[Diagnostic] = []
+    duplicates: list[Diagnostic] = []
     for row in rows:
-        kept = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), row)
-        if repr(kept) != repr(row):
+        first = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), row)
+        if repr(first) != repr(row):
             text = f"a second, different document has the id {document_id(row)}; the first was kept"
-            doubled.append(Diagnostic("skipped_row", text, str(source)))
+            duplicates.append(Diagnostic("skipped_row", text, str(source)))
     events: list[Event] = []
     for recipe, documents in sorted(runs.items()):
         for seq, event in enumerate(run_events(recipe, documents.values())):
             declared = replace(event, task_properties=properties) if isinstance(event, RunStarted) else event
             events.append(replace(declared, seq=seq))
-    return events, doubled
+    return events, duplicates
 
 
 def _properties(path: Path) -> list[dict[str, Any]] | None:

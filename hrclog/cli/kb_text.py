@@ -1,4 +1,4 @@
-"""What `hrclog kb show` says."""
+"""The output of `hrclog kb show`."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def made_from(made: StatisticsEntry | None) -> dict[str, Any] | None:
 
 
 def missing(view: View) -> int:
-    """Return how many runs the statistics are behind: not in them, in another version, or withdrawn since."""
-    made = view.statistics()
-    differing = set(view.used_runs()) ^ set(made.runs if made else ())
+    """Return how many runs the statistics lack, hold in another version, or hold although they were withdrawn since."""
+    statistics = view.statistics()
+    differing = set(view.used_runs()) ^ set(statistics.runs if statistics else ())
     return len({run for run, _ in differing})
 
 
@@ -60,12 +60,13 @@ def _runs(view: View) -> str:
 
 
 def _source(view: View) -> str:
-    made, behind = view.statistics(), missing(view)
-    if made is None:
-        return "no statistics yet: hrclog kb update makes them" if behind else "no statistics"
-    said = f"statistics of {counted(len(made.runs), 'run')}, estimator {made.estimator} {made.estimator_version}"
-    said += "" if made.outliers == "none" else f", outliers left out by {made.outliers}"
-    return f"{said}; behind by {behind}: hrclog kb update follows" if behind else said
+    statistics, n_missing = view.statistics(), missing(view)
+    if statistics is None:
+        return "no statistics yet: hrclog kb update makes them" if n_missing else "no statistics"
+    estimator = f"{statistics.estimator} {statistics.estimator_version}"
+    text = f"statistics of {counted(len(statistics.runs), 'run')}, estimator {estimator}"
+    text += "" if statistics.outliers == "none" else f", outliers left out by {statistics.outliers}"
+    return f"{text}; behind by {n_missing}: hrclog kb update follows" if n_missing else text
 
 
 def _durations(view: View) -> str:
@@ -88,7 +89,7 @@ def _alone(time: TaskTime | None) -> str:
 
 
 def _synergies(view: View) -> str:
-    found = [row for row in view.synergies().iter_rows(named=True) if row["status"] != "unobserved"]
+    observed = [row for row in view.synergies().iter_rows(named=True) if row["status"] != "unobserved"]
     rows = [
         (
             f"{row['agent']} {row['task']}",
@@ -99,7 +100,7 @@ def _synergies(view: View) -> str:
             str(row["n"]),
             row["status"],
         )
-        for row in found
+        for row in observed
     ]
     header = ("agent task", "beside", "synergy", "error", "95 %", "n", "status")
     return table(header, rows, lambda i: i in (2, 3, 4, 5)) if rows else ""

@@ -1,4 +1,4 @@
-"""What a command knows of how long tasks take: learnt, guessed, supposed."""
+"""Task times for a command: learnt, guessed or assumed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ kb_option = click.option(
 
 
 def known_times(problem: Problem, kb: str | None, overrides: Path | None = None) -> TaskTimes:
-    """Return what is known of a problem's tasks.
+    """Return the known times of a problem's tasks.
 
     Args:
         problem: its tasks may declare guesses, which win over those of a knowledge base.

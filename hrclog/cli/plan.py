@@ -112,20 +112,20 @@ def command(**options: Any) -> int:
     problem, scenario = load_problem(options["problem_name"])
     _check_output(options)
     if options["count"]:
-        return _draw(problem, scenario, options)
+        return _draw_plans(problem, scenario, options)
     times = known_times(problem, options["kb"], options["overrides"])
     if options["given"]:
-        return _judge(problem, times, options)
+        return _judge_plan(problem, times, options)
     if options["run_log"]:
-        return _go_on(problem, times, options)
-    return _find(problem, times, options)
+        return _replan(problem, times, options)
+    return _find_plan(problem, times, options)
 
 
 def _check_options(options: dict[str, Any]) -> None:
     jobs = {"--random": options["count"], "--judge": options["given"], "--from": options["run_log"]}
-    given = [name for name, value in jobs.items() if value]
-    if len(given) > 1:
-        raise click.UsageError(f"{' and '.join(given)} ask for different things: give one of them")
+    job_options = [name for name, value in jobs.items() if value]
+    if len(job_options) > 1:
+        raise click.UsageError(f"{' and '.join(job_options)} ask for different things: give one of them")
     if options["avoid"] and options["method"] != "not-neighboring":
         raise click.UsageError("--avoid FILE goes with --method not-neighboring")
 
@@ -140,7 +140,7 @@ def _check_output(options: dict[str, Any]) -> None:
         raise LogExistsError(out, "choose another name with -o")
 
 
-def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
+def _find_plan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     from hrclog.analyzers.search.find import find_plan
     from hrclog.analyzers.search.judge import Objective
     from hrclog.analyzers.search.local_search import Effort
@@ -157,83 +157,83 @@ def _find(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
         options["explore"],
     )
     found = find_plan(problem, times, wish, out.stem if out else "plan")
-    found = replace(found, plan=_marked(found.plan, problem, options, found.forecast))
-    _write(out, found.plan)
+    found = replace(found, plan=_with_provenance(found.plan, problem, options, found.forecast))
+    _save_plan(out, found.plan)
     if options["as_json"]:
         print_json(found.to_json())
         return 0
     click.echo(found_text(found))
     if options["show"]:
-        click.echo("\n" + timeline_text(found.plan, _ends(found.forecast)))
+        click.echo("\n" + timeline_text(found.plan, _end_ranges(found.forecast)))
     return 0
 
 
-def _judge(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
+def _judge_plan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     from hrclog.analyzers.search.forecast import forecast, with_expected_times
     from hrclog.planning.plan import check_plan, read_plan
 
     plan = read_plan(options["given"])
     check_plan(problem, plan)
-    told = forecast(problem, plan, times, seed=options["seed"])
-    timed = _marked(with_expected_times(plan, told), problem, options, told)
-    _write(options["out"], timed)
+    prediction = forecast(problem, plan, times, seed=options["seed"])
+    timed = _with_provenance(with_expected_times(plan, prediction), problem, options, prediction)
+    _save_plan(options["out"], timed)
     if options["as_json"]:
-        print_json({"forecast": told.to_json(), "plan": timed.to_json()})
+        print_json({"forecast": prediction.to_json(), "plan": timed.to_json()})
         return 0
-    click.echo(f"{plan.name}: {forecast_line(told)}")
+    click.echo(f"{plan.name}: {forecast_line(prediction)}")
     if options["show"]:
-        click.echo("\n" + timeline_text(timed, _ends(told)))
+        click.echo("\n" + timeline_text(timed, _end_ranges(prediction)))
     return 0
 
 
-def _go_on(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
+def _replan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     """Plan the rest of a run."""
     from hrclog.analyzers.search.judge import Objective
     from hrclog.analyzers.search.replan import plan_rest
     from hrclog.planning.run_state import run_state
 
-    events, code = _events(options["run_log"])
+    events, code = _read_run(options["run_log"])
     state = run_state(events)
     _check_cell(problem, state.plan, options)
-    found = plan_rest(problem, times, state, Objective(options["objective"]), options["seed"])
+    result = plan_rest(problem, times, state, Objective(options["objective"]), options["seed"])
     n_over = sum(outcome == "succeeded" for outcome in state.outcomes.values())
-    where = f"{options['run_log']}: {n_over} items done, {len(state.running)} under way at {state.now_s:.1f} s"
-    if found is None:
+    progress = f"{options['run_log']}: {n_over} items done, {len(state.running)} under way at {state.now_s:.1f} s"
+    if result is None:
         if options["as_json"]:
             print_json({"now_s": state.now_s, "changed": False, "forecast": None, "plan": state.plan.to_json()})
         else:
             as_good = "the plan that is followed is as good as any that was found"
-            click.echo(f"{where}; {as_good if state.left() else 'nothing is left to plan'}")
+            click.echo(f"{progress}; {as_good if state.left() else 'nothing is left to plan'}")
             if options["show"]:
                 click.echo("\n" + timeline_text(state.plan))
-        _write(options["out"], state.plan)
+        _save_plan(options["out"], state.plan)
         return code
-    plan, told = found
-    plan = _marked(plan, problem, options, told)
-    _write(options["out"], plan)
+    plan, prediction = result
+    plan = _with_provenance(plan, problem, options, prediction)
+    _save_plan(options["out"], plan)
     if options["as_json"]:
-        print_json({"now_s": state.now_s, "changed": True, "forecast": told.to_json(), "plan": plan.to_json()})
+        print_json({"now_s": state.now_s, "changed": True, "forecast": prediction.to_json(), "plan": plan.to_json()})
         return code
-    click.echo(f"{where}\n{plan.name}: its end after {forecast_line(told)}")
+    click.echo(f"{progress}\n{plan.name}: its end after {forecast_line(prediction)}")
     if options["show"]:
-        click.echo("\n" + timeline_text(plan, _ends(told)))
+        click.echo("\n" + timeline_text(plan, _end_ranges(prediction)))
     return code
 
 
 def _check_cell(problem: Problem, plan: Plan, options: dict[str, Any]) -> None:
-    """Raise if a run is not one of the problem."""
+    """Raise if the plan of a run has a task that the problem does not have."""
     from hrclog.errors import ScenarioError
 
     known = set(problem.agent_tasks())
     for item in plan.items:
         if (item.agent, item.task) not in known:
-            found = f"its plan has {item.task!r} by {item.agent!r}"
+            item_text = f"its plan has {item.task!r} by {item.agent!r}"
             raise ScenarioError(
-                f"{options['run_log']}: {found}, which is not in {options['problem_name']}; name its cell"
+                f"{options['run_log']}: {item_text}, which is not in {options['problem_name']}; name its cell"
             )
 
 
-def _events(path: Path) -> tuple[list[Event], int]:
+def _read_run(path: Path) -> tuple[list[Event], int]:
     """Return the events of a log that holds one run, and the exit code that its defects ask for.
 
     Raises:
@@ -251,31 +251,37 @@ def _events(path: Path) -> tuple[list[Event], int]:
     return [from_row(row) for row in logs.events.sort("time_ns", "seq").iter_rows(named=True)], code
 
 
-def _ends(told: Forecast) -> dict[str, tuple[float, float]]:
-    return {item_id: (low, high) for item_id, (_, _, low, high) in told.items.items()}
+def _end_ranges(prediction: Forecast) -> dict[str, tuple[float, float]]:
+    return {item_id: (low, high) for item_id, (_, _, low, high) in prediction.items.items()}
 
 
-def _marked(plan: Plan, problem: Problem, options: dict[str, Any], told: Forecast | None = None) -> Plan:
-    """Return a plan that names its problem, and what was expected of it."""
+def _with_provenance(plan: Plan, problem: Problem, options: dict[str, Any], prediction: Forecast | None = None) -> Plan:
+    """Return a plan with the name of its problem and its expected makespan."""
     from hrclog.planning.dispatch_mode import DispatchMode
     from hrclog.planning.provenance import Expected, made_for
 
     expected = plan.expected
-    if told:
-        numbers = (told.mean_s, told.mean_low_s, told.mean_high_s, told.run_low_s, told.run_high_s)
-        expected = Expected(*numbers, worlds=told.worlds, mode=DispatchMode.SEQUENTIAL.value)
+    if prediction:
+        numbers = (
+            prediction.mean_s,
+            prediction.mean_low_s,
+            prediction.mean_high_s,
+            prediction.run_low_s,
+            prediction.run_high_s,
+        )
+        expected = Expected(*numbers, worlds=prediction.worlds, mode=DispatchMode.SEQUENTIAL.value)
     return replace(plan, problem=made_for(options["problem_name"], problem), expected=expected)
 
 
-def _write(out: Path | None, plan: Plan) -> None:
+def _save_plan(out: Path | None, plan: Plan) -> None:
     from hrclog.planning.plan import write_plan
 
     if out is not None:
         write_plan(out, plan)
 
 
-def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) -> int:
-    """Write random plans, a file each."""
+def _draw_plans(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) -> int:
+    """Write random plans, one file each."""
     from hrclog.errors import LogExistsError, OutputError
     from hrclog.planning.plan import write_plan
     from hrclog.planning.random_plans import distinct_plans
@@ -285,7 +291,7 @@ def _draw(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) 
     plans = distinct_plans(problem, options["count"], options["seed"])
     if scenario is not None:
         plans = [fitting_plan(scenario, plan) for plan in plans]
-    plans = [_marked(plan, problem, options) for plan in plans]
+    plans = [_with_provenance(plan, problem, options) for plan in plans]
     paths = [out / f"{plan.name}.json" for plan in plans]
     for path in paths:
         if path.exists():

@@ -1,4 +1,4 @@
-"""What is told of a plan on the terminal: what to expect of it, why it is good, and its items in time."""
+"""The text about a plan on the terminal: its forecast, why it is good, and its timeline."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ _APART: Final = 0.75  # of the usual time side by side; what is above is not kep
 
 
 def found_text(found: Found) -> str:
-    """Return what is told of a plan that was found."""
-    return "\n".join([*_headline(found), "", *_pairs(found), *_doubts(found)])
+    """Return the text about a plan that was found."""
+    return "\n".join([*_headline(found), "", *_pair_lines(found), *_doubt_lines(found)])
 
 
 def _headline(found: Found) -> Iterator[str]:
-    told = found.forecast
-    yield f"{found.plan.name}: {forecast_line(told)}"
-    less = 1 - told.mean_s / found.usual_s
-    beside = f"{_percent(less)} less than" if less >= 0 else f"{_percent(-less)} more than"
-    yield f"  {beside} the {found.usual_s:.1f} s of a random plan; {_how(found)}"
-    yield f"  undisturbed it takes {told.undisturbed_s:.1f} s; {_bound(found)}"
+    prediction = found.forecast
+    yield f"{found.plan.name}: {forecast_line(prediction)}"
+    saving = 1 - prediction.mean_s / found.usual_s
+    comparison = f"{_percent(saving)} less than" if saving >= 0 else f"{_percent(-saving)} more than"
+    yield f"  {comparison} the {found.usual_s:.1f} s of a random plan; {_search_text(found)}"
+    yield f"  undisturbed it takes {prediction.undisturbed_s:.1f} s; {_bound_text(found)}"
 
 
-def _bound(found: Found) -> str:
+def _bound_text(found: Found) -> str:
     if not found.bound_s:
         return "of what other plans take at least, nothing is known"
     below = max(1 - found.bound_s / found.forecast.undisturbed_s, 0.0)
@@ -45,14 +45,14 @@ def _percent(part: float) -> str:
 
 
 def forecast_line(told: Forecast) -> str:
-    """Return the makespan with what is uncertain about it."""
+    """Return the makespan with its uncertainty."""
     return (
         f"expected {told.mean_s:.1f} s [{told.mean_low_s:.1f}, {told.mean_high_s:.1f}], "
         f"90 % of runs {told.run_low_s:.1f} to {told.run_high_s:.1f} s ({counted(told.worlds, 'run')} drawn)"
     )
 
 
-def _how(found: Found) -> str:
+def _search_text(found: Found) -> str:
     judged = f"{counted(found.search.judged, 'plan')} judged"
     if METHODS[found.wish.method].by_mean_durations:
         ties = len(found.search.best)
@@ -61,13 +61,13 @@ def _how(found: Found) -> str:
         return f"method {found.wish.method}, the only plan there is"
     if found.search.exhaustive:
         return f"method {found.wish.method}, the best of all {found.search.judged:,} plans"
-    why = found.search.stopped
-    stopped = f", stopped {why}" if why.startswith("after") else f", {why}" if why else ""
+    reason = found.search.stopped
+    stopped = f", stopped {reason}" if reason.startswith("after") else f", {reason}" if reason else ""
     return f"method {found.wish.method}, {judged}{stopped}"
 
 
-def _pairs(found: Found) -> Iterator[str]:
-    """Yield the pairs that are kept apart more than by chance, with what that saves."""
+def _pair_lines(found: Found) -> Iterator[str]:
+    """Yield the pairs that the plan keeps apart more than chance would, and the time that this saves."""
     rows = [
         (f"{c.task} ({c.agent}) | {c.other_task} ({c.other_agent})", c)
         for c in found.changes
@@ -80,12 +80,12 @@ def _pairs(found: Found) -> Iterator[str]:
         )
 
 
-def _doubts(found: Found) -> Iterator[str]:
+def _doubt_lines(found: Found) -> Iterator[str]:
     if found.guessed:
         named = ", ".join(f"{task} by {agent}" for agent, task in found.guessed)
         yield printable(f"guessed, no run shows it yet: {named}")
     if found.unobserved:
-        named = ", ".join(f"{one[1]} ({one[0]}) | {other[1]} ({other[0]})" for one, other in found.unobserved)
+        named = ", ".join(f"{first[1]} ({first[0]}) | {second[1]} ({second[0]})" for first, second in found.unobserved)
         yield printable(f"side by side in this plan, and in no run yet: {named}")
 
 
@@ -117,11 +117,11 @@ def timeline_text(plan: Plan, ends: Mapping[str, tuple[float, float]] | None = N
 
 
 def _letters(tasks: Mapping[str, None]) -> dict[str, str]:
-    """Return a letter for each task: one of its own where there is one left."""
+    """Return a letter for each task: a free letter of its name, else any free letter."""
     letters: dict[str, str] = {}
     for task in tasks:
-        own = [char for char in task if char.isalnum()] + [chr(code) for code in range(ord("A"), ord("Z") + 1)]
-        letters[task] = next((char for char in own if char not in letters.values()), "#")
+        candidates = [char for char in task if char.isalnum()] + [chr(code) for code in range(ord("A"), ord("Z") + 1)]
+        letters[task] = next((char for char in candidates if char not in letters.values()), "#")
     return letters
 
 

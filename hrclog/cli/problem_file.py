@@ -57,16 +57,16 @@ def scenario_of_plan(plan: Plan, plan_path: Path) -> str:
     if name not in scenario_names():
         places = [path for path in (plan_path.parent / name, Path(name)) if _is_other_file(path, plan_path)]
         if not places:
-            found = f"the plan was made for {name!r}, which is no scenario, and no file beside the plan or here"
-            raise ScenarioError(f"{plan_path}: {found}; {remedy}")
+            reason = f"the plan was made for {name!r}, which is no scenario, and no file beside the plan or here"
+            raise ScenarioError(f"{plan_path}: {reason}; {remedy}")
         name = str(places[0])
     problem, scenario = load_problem(name)
     if scenario is None:
-        found = f"the plan was made for {name!r}, a problem that says nothing of how its agents act"
-        raise ScenarioError(f"{plan_path}: {found}; {remedy}")
+        reason = f"the plan was made for {name!r}, a problem that says nothing of how its agents act"
+        raise ScenarioError(f"{plan_path}: {reason}; {remedy}")
     if plan.problem.digest and problem_digest(problem) != plan.problem.digest:
-        found = f"the problem of {name!r} has changed since the plan was made"
-        raise ScenarioError(f"{plan_path}: {found}; make the plan anew, or {remedy}")
+        reason = f"the problem of {name!r} has changed since the plan was made"
+        raise ScenarioError(f"{plan_path}: {reason}; make the plan anew, or {remedy}")
     return name
 
 

@@ -129,7 +129,7 @@ def command(
 
 
 def _follow(knowledge: str | None, path: Path) -> int:
-    """Let a knowledge base take in the run, all of its segments, and return the exit code."""
+    """Add all segments of the run to a knowledge base and return the exit code."""
     from hrclog.recorders.recorder import log_path
     from hrclog.recorders.segments import segment_path
 
@@ -139,6 +139,6 @@ def _follow(knowledge: str | None, path: Path) -> int:
         return following.catch_up(" ".join(map(str, paths)))
 
 
-def _acknowledge(answer: dict[str, object]) -> None:
-    click.echo(json.dumps(answer))
+def _acknowledge(reply: dict[str, object]) -> None:
+    click.echo(json.dumps(reply))
     sys.stdout.flush()

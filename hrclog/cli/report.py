@@ -33,8 +33,8 @@ _BAG_PARTS: Final = (".yaml", ".db3", ".mcap")
 _PICTURES: Final[tuple[PictureKind, ...]] = ("png", "svg")
 
 
-def _ending(*allowed: str) -> Any:
-    """Return a check that a file's name ends so: a slip of the hand must not overwrite a log."""
+def _ending_check(*allowed: str) -> Any:
+    """Return a check of a file name's ending, so that a typing error cannot overwrite a log."""
 
     def check(_context: click.Context, _parameter: click.Parameter, value: Path | None) -> Path | None:
         if value is not None and value.suffix.lower() not in allowed:
@@ -52,7 +52,7 @@ def _ending(*allowed: str) -> Any:
     default="report.html",
     show_default=True,
     type=click.Path(path_type=Path, dir_okay=False),
-    callback=_ending(".html", ".htm"),
+    callback=_ending_check(".html", ".htm"),
     help="The HTML file.",
 )
 @estimator_option
@@ -70,7 +70,7 @@ def _ending(*allowed: str) -> Any:
 @click.option(
     "--pdf",
     type=click.Path(path_type=Path, dir_okay=False),
-    callback=_ending(".pdf"),
+    callback=_ending_check(".pdf"),
     metavar="FILE",
     help="Write the figures as a PDF too, a page each.",
 )
@@ -93,17 +93,17 @@ def command(**options: Any) -> int:
     code = tell(analysis.diagnostics)
     from hrclog.analyzers.report.document import report
 
-    said = report(analysis, runs=options["runs"], title=options["title"], command=_command(options))
-    written = _write(said, options)
+    document = report(analysis, runs=options["runs"], title=options["title"], command=_command(options))
+    written = _write_files(document, options)
     if options["as_json"]:
-        print_json(_facts(said, written))
+        print_json(_report_json(document, written))
     else:
-        click.echo(_told(said, written))
+        click.echo(_written_text(document, written))
     return code
 
 
 def _check_folders(options: Mapping[str, Any]) -> None:
-    """Raise before the work rather than after it, if a result cannot be written."""
+    """Raise before the analysis starts if a result cannot be written."""
     from hrclog.analyzers.output import check_writable
 
     for folder in (
@@ -116,24 +116,24 @@ def _check_folders(options: Mapping[str, Any]) -> None:
 
 
 def _check_logs_stay(options: Mapping[str, Any]) -> None:
-    """Raise before anything is written over a log, by its name or through a link."""
+    """Raise if an output file is one of the logs, by name or through a link."""
     from hrclog.log.discover import find_logs
 
-    logs = {_file(part) for log in find_logs(options["logs"]) for part in (log, *_parts_of_bag(log))} - {None}
+    logs = {_file_id(part) for log in find_logs(options["logs"]) for part in (log, *_parts_of_bag(log))} - {None}
     targets = [(f"--{kind}", options[kind]) for kind in ("output", "pdf") if options[kind]]
     targets += [(f"--{kind}", path) for kind in _PICTURES if options[kind] for path in options[kind].glob(f"*.{kind}")]
     for option, path in targets:
-        if _file(path) in logs:
+        if _file_id(path) in logs:
             raise HrclogError(f"{path}: is one of the logs to read, so nothing was written; choose another {option}")
 
 
-def _file(path: Path) -> tuple[int, int] | None:
-    """Return which file a path leads to, through links too; None if to none."""
+def _file_id(path: Path) -> tuple[int, int] | None:
+    """Return device and inode of the file behind a path, through links too; None if there is none."""
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError):  # ValueError: a name that no file can have
         return None
-    return found.st_dev, found.st_ino
+    return status.st_dev, status.st_ino
 
 
 def _parts_of_bag(log: Path) -> Iterable[Path]:
@@ -160,56 +160,56 @@ def _analysis(options: Mapping[str, Any]) -> Analysis:
 
 
 def _command(options: Mapping[str, Any]) -> str:
-    """Return the command without what changes nothing in the report, so that the same runs give the same bytes."""
-    usual = {parameter.name: parameter.default for parameter in command.params}
-    kept = ("estimator", "outliers", *(("bootstrap", "seed") if options["bootstrap"] else ()), "runs", "title")
+    """Return the command without options that do not change the report, so that the same runs give the same bytes."""
+    defaults = {parameter.name: parameter.default for parameter in command.params}
+    names = ("estimator", "outliers", *(("bootstrap", "seed") if options["bootstrap"] else ()), "runs", "title")
     return " ".join(
         [
             "hrclog report",
-            _named(options["logs"]),
-            *(f"--{name} {shlex.quote(str(options[name]))}" for name in kept if options[name] != usual[name]),
+            _logs_text(options["logs"]),
+            *(f"--{name} {shlex.quote(str(options[name]))}" for name in names if options[name] != defaults[name]),
         ]
     )
 
 
-def _named(logs: Sequence[str]) -> str:
-    """Return the logs by name, or how many there are; their order changes nothing."""
+def _logs_text(logs: Sequence[str]) -> str:
+    """Return the sorted names of the logs, or their number if there are many."""
     return shlex.join(sorted(logs)) if len(logs) <= _MOST_LOGS_NAMED else f"<{len(logs):,} logs>"
 
 
-def _write(said: Report, options: Mapping[str, Any]) -> dict[str, list[Path]]:
-    """Write what was asked for, and return the files by kind."""
+def _write_files(document: Report, options: Mapping[str, Any]) -> dict[str, list[Path]]:
+    """Write the requested files and return their paths by kind."""
     from hrclog.analyzers.report.save import write_pdf, write_pictures, write_report
 
     drawing = Progress("drawing figures")
-    write_report(said, options["output"], drawing)
+    write_report(document, options["output"], drawing)
     written: dict[str, list[Path]] = {"html": [options["output"]]}
     if options["pdf"]:
-        write_pdf(said, options["pdf"])
+        write_pdf(document, options["pdf"])
         written["pdf"] = [options["pdf"]]
     for kind in _PICTURES:
         if options[kind]:
-            written[kind] = write_pictures(said, options[kind], kind, drawing)
+            written[kind] = write_pictures(document, options[kind], kind, drawing)
     drawing.done()
     return written
 
 
-def _facts(said: Report, written: Mapping[str, Sequence[Path]]) -> dict[str, Any]:
-    """Return what the report says and where it is, for machines."""
+def _report_json(document: Report, written: Mapping[str, Sequence[Path]]) -> dict[str, Any]:
+    """Return the content of the report and its files as JSON values."""
     return {
-        "title": said.title,
-        "summary": said.summary,
-        "findings": [asdict(finding) for finding in said.findings],
-        "runs": [asdict(run) for run in said.chosen],
-        "figures": [{"number": figure.number, "title": figure.plot.title} for figure in said.figures],
+        "title": document.title,
+        "summary": document.summary,
+        "findings": [asdict(finding) for finding in document.findings],
+        "runs": [asdict(run) for run in document.chosen],
+        "figures": [{"number": figure.number, "title": figure.plot.title} for figure in document.figures],
         "written": {kind: [str(path) for path in paths] for kind, paths in written.items()},
     }
 
 
-def _told(said: Report, written: Mapping[str, Sequence[Path]]) -> str:
-    counts = {"figure": len(said.figures), "table": len(said.tables), "single run": len(said.runs)}
-    contents = ", ".join(counted(count, what) for what, count in counts.items())
+def _written_text(document: Report, written: Mapping[str, Sequence[Path]]) -> str:
+    counts = {"figure": len(document.figures), "table": len(document.tables), "single run": len(document.runs)}
+    contents = ", ".join(counted(count, unit) for unit, count in counts.items())
     single, many = ("html", "pdf"), _PICTURES
     places = [str(path) for kind in single for path in written.get(kind, ())]
     places += [f"{written[kind][0].parent}/*.{kind}" for kind in many if kind in written]
-    return f"{said.summary}\nWritten: {', '.join(places)} ({contents})"
+    return f"{document.summary}\nWritten: {', '.join(places)} ({contents})"

@@ -103,14 +103,14 @@ def command(
         raise click.UsageError(f"--real-time goes with --engine {ENGINES[0]}, not with {settings.engine}")
     with Following(knowledge) as following:
         if len(plan_paths) == 1 and repeat == 1:
-            code = _single(plan_paths[0], out, settings, following, as_json=as_json)
+            code = _execute_one(plan_paths[0], out, settings, following, as_json=as_json)
         else:
-            code = _many(plan_paths, repeat, out, settings, following, as_json=as_json)
-        behind = following.catch_up(str(out))
-    return code or behind
+            code = _execute_several(plan_paths, repeat, out, settings, following, as_json=as_json)
+        knowledge_code = following.catch_up(str(out))
+    return code or knowledge_code
 
 
-def _single(plan_path: Path, out: Path, settings: RunOptions, following: Following, *, as_json: bool) -> int:
+def _execute_one(plan_path: Path, out: Path, settings: RunOptions, following: Following, *, as_json: bool) -> int:
     from hrclog.cli.run_plan import execute, prepare
     from hrclog.cli.run_text import exit_code, run_json, run_text, troubles
     from hrclog.recorders.recorder import log_path
@@ -133,16 +133,16 @@ def _single(plan_path: Path, out: Path, settings: RunOptions, following: Followi
     return exit_code(done)
 
 
-def _many(
+def _execute_several(
     plan_paths: Sequence[Path], repeat: int, out: Path, settings: RunOptions, following: Following, *, as_json: bool
 ) -> int:
-    """Execute several plans, or one several times; what is wrong with one keeps no other from being executed."""
+    """Execute several plans, or one plan several times; an error in one does not stop the others."""
     from hrclog.cli.run_plan import execute
     from hrclog.cli.run_text import INTERRUPTED, exit_code, plan_json, plan_text, troubles
     from hrclog.errors import HrclogError
 
-    logs = _logs(plan_paths, repeat, out)
-    prepared, code = _prepared(plan_paths, settings)
+    logs = _log_paths(plan_paths, repeat, out)
+    prepared, code = _prepare_plans(plan_paths, settings)
     documents: list[dict[str, Any]] = []
     for plan_path, plan in prepared.items():
         runs: list[Done] = []
@@ -171,8 +171,8 @@ def _many(
     return code if prepared else EXIT_FAILED
 
 
-def _prepared(plan_paths: Sequence[Path], settings: RunOptions) -> tuple[dict[Path, Prepared], int]:
-    """Return the plans that can be executed, and the exit code that the others ask for."""
+def _prepare_plans(plan_paths: Sequence[Path], settings: RunOptions) -> tuple[dict[Path, Prepared], int]:
+    """Return the plans that can be executed, and the exit code for the others."""
     from hrclog.cli.run_plan import prepare
     from hrclog.errors import HrclogError
 
@@ -185,7 +185,7 @@ def _prepared(plan_paths: Sequence[Path], settings: RunOptions) -> tuple[dict[Pa
     return prepared, EXIT_DATA_LOST if len(prepared) < len(plan_paths) else 0
 
 
-def _logs(plan_paths: Sequence[Path], repeat: int, folder: Path) -> dict[Path, list[Path]]:
+def _log_paths(plan_paths: Sequence[Path], repeat: int, folder: Path) -> dict[Path, list[Path]]:
     """Return the logs of each plan, in a folder that is made here.
 
     Raises:

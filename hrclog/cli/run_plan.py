@@ -90,18 +90,18 @@ def prepare(plan_path: Path, options: RunOptions) -> Prepared:
     if options.scenario:
         plan = replace(plan, problem=made_for(options.scenario, scenario.problem))
     fitting = fitting_plan(scenario, plan)
-    usual = policy_of(scenario)
+    default = policy_of(scenario)
     policy = replace(
-        usual,
-        mode=options.mode or usual.mode,
-        max_attempts=options.max_attempts or usual.max_attempts,
-        on_failure=options.on_failure or usual.on_failure,
+        default,
+        mode=options.mode or default.mode,
+        max_attempts=options.max_attempts or default.max_attempts,
+        on_failure=options.on_failure or default.on_failure,
         timeout_s=options.timeout_s,
         replan_on=options.replan_on,
-        delay_s=options.delay_s or usual.delay_s,
+        delay_s=options.delay_s or default.delay_s,
     )
     replan = chosen_replan(scenario.problem, options.kb, options.replan_on)
-    return Prepared(fitting, scenario, policy, _ways(options.agents, scenario), replan)
+    return Prepared(fitting, scenario, policy, _executor_files(options.agents, scenario), replan)
 
 
 def execute(prepared: Prepared, options: RunOptions, path: Path, number: int, *, series: bool = False) -> Done:
@@ -116,16 +116,16 @@ def execute(prepared: Prepared, options: RunOptions, path: Path, number: int, *,
             them.
     """
     if options.real_time:
-        events, outcome, reason = _live(prepared, options, path, number)
+        events, outcome, reason = _execute_live(prepared, options, path, number)
     else:
-        events = _simulated(prepared, options, path, number, (path.stem,) if series else ())
+        events = _execute_simulated(prepared, options, path, number, (path.stem,) if series else ())
         last = events[-1]
         outcome, reason = (last.outcome, last.reason) if isinstance(last, RunEnded) else ("", "")
-    followed = _followed(prepared.plan, events)
+    followed = _final_plan(prepared.plan, events)
     return Done(path, prepared.plan, followed, events, outcome, reason, str(prepared.policy.mode))
 
 
-def _simulated(
+def _execute_simulated(
     prepared: Prepared, options: RunOptions, path: Path, number: int, name: tuple[str, ...]
 ) -> Sequence[Event]:
     knowledge = (options.kb or "",) if options.replan_on else ()
@@ -145,14 +145,14 @@ def _simulated(
     return run.events
 
 
-def _live(prepared: Prepared, options: RunOptions, path: Path, number: int) -> tuple[Sequence[Event], str, str]:
+def _execute_live(prepared: Prepared, options: RunOptions, path: Path, number: int) -> tuple[Sequence[Event], str, str]:
     loop = RealTimeLoop()
     cell = make_engine(options.engine, prepared.scenario, loop, options.seed, number)
     events: list[Event] = []
 
     def note(event: Event) -> None:
         events.append(event)
-        _show(event)
+        _print_event(event)
 
     nobody_simulated = set(prepared.ways) >= set(prepared.scenario.problem.agents)
     setup = RunSetup(
@@ -174,15 +174,15 @@ def _live(prepared: Prepared, options: RunOptions, path: Path, number: int) -> t
     return events, outcome, reason
 
 
-def _show(event: Event) -> None:
+def _print_event(event: Event) -> None:
     if isinstance(event, TaskStarted):
         click.echo(printable(f"{event.agent}: {event.task} ({event.item_id}) started"), err=True)
     elif isinstance(event, TaskEnded):
         click.echo(printable(f"{event.agent}: {event.task} ({event.item_id}) {event.outcome}"), err=True)
 
 
-def _ways(agents: Sequence[str], scenario: Scenario) -> dict[str, tuple[str, Path]]:
-    """Return how each agent that is not simulated acts, and by which file."""
+def _executor_files(agents: Sequence[str], scenario: Scenario) -> dict[str, tuple[str, Path]]:
+    """Return kind and file of the executor of each agent that is not simulated."""
     ways: dict[str, tuple[str, Path]] = {}
     for text in agents:
         agent, equals, way = text.partition("=")
@@ -201,7 +201,7 @@ def _ways(agents: Sequence[str], scenario: Scenario) -> dict[str, tuple[str, Pat
 
 def _executors(ways: Mapping[str, tuple[str, Path]], clock: Clock) -> dict[str, Executor]:
     """Return the executors that files describe; agents of one file share one."""
-    made: dict[str, Executor] = {}
+    executors: dict[str, Executor] = {}
     for kind, path in dict.fromkeys(ways.values()):
         agents = [agent for agent, way in ways.items() if way == (kind, path)]
         executor: Executor
@@ -213,11 +213,11 @@ def _executors(ways: Mapping[str, tuple[str, Path]], clock: Clock) -> dict[str, 
             if agent not in executor.agents:
                 steps = f"found steps of {', '.join(executor.agents)}, none of {agent!r}"
                 raise DispatchError(f"{path}: {steps}; add some")
-            made[agent] = executor
-    return made
+            executors[agent] = executor
+    return executors
 
 
-def _followed(plan: Plan, events: Sequence[Event]) -> Plan:
+def _final_plan(plan: Plan, events: Sequence[Event]) -> Plan:
     """Return the plan that was followed in the end."""
     for event in events:
         if isinstance(event, PlanChanged):

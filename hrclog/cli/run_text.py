@@ -22,25 +22,25 @@ _SUCCEEDED: Final = "succeeded"
 
 
 def exit_code(done: Done) -> int:
-    """Return the exit code that a run asks for."""
+    """Return the exit code for a run."""
     if done.outcome == _SUCCEEDED:
         return EXIT_FINE
     return INTERRUPTED if done.outcome == "canceled" else EXIT_DATA_LOST
 
 
 def run_text(done: Done) -> list[str]:
-    """Return the lines that are printed of a single run."""
+    """Return the printed lines for a single run."""
     outcomes = list(_outcomes(done).values())
     succeeded = share(outcomes.count(_SUCCEEDED), len(outcomes), "item")
     return [
         f"{done.followed.name}: {succeeded} succeeded, log in {done.path}",
-        f"makespan {_against(_makespan_text(done), done.plan, done.mode)}",
+        f"makespan {_beside_plan(_makespan_text(done), done.plan, done.mode)}",
         f"Look at it: hrclog view {done.path}",
     ]
 
 
 def run_json(done: Done) -> dict[str, Any]:
-    """Return what is printed of a single run for machines."""
+    """Return the JSON output for a single run."""
     ends, outcomes = _last_ends(done), _outcomes(done)
     items = {
         item.item_id: {
@@ -57,32 +57,32 @@ def run_json(done: Done) -> dict[str, Any]:
         "outcome": done.outcome,
         "reason": done.reason,
         "makespan_s": makespan_s(done),
-        **_promised(done.plan),
+        **_expected_json(done.plan),
         "items": items,
     }
 
 
 def plan_text(plan: Plan, runs: Sequence[Done]) -> str:
     """Return the line of a plan that was executed several times, or among others."""
-    mean, low, high, count = _mean(runs)
+    mean, low, high, count = _mean_makespan(runs)
     failed = f", {len(runs) - count} of {len(runs)} did not succeed" if count < len(runs) else ""
     head = f"{plan.name}: {counted(len(runs), 'run')}{failed}"
     if mean is None:
         return head
     interval = "" if low is None else f" [{low:.1f}, {high:.1f}]"
-    return f"{head}, mean makespan {_against(f'{mean:.1f} s{interval}', plan, runs[0].mode)}"
+    return f"{head}, mean makespan {_beside_plan(f'{mean:.1f} s{interval}', plan, runs[0].mode)}"
 
 
 def plan_json(plan: Plan, runs: Sequence[Done]) -> dict[str, Any]:
-    """Return what is printed of a plan that was executed several times, or among others, for machines."""
-    mean, low, high, count = _mean(runs)
+    """Return the JSON output for a plan that was executed several times, or among others."""
+    mean, low, high, count = _mean_makespan(runs)
     return {
         "plan": plan.name,
         "mean_makespan_s": mean,
         "mean_low_s": low,
         "mean_high_s": high,
         "n_succeeded": count,
-        **_promised(plan),
+        **_expected_json(plan),
         "runs": [
             {
                 "path": str(done.path),
@@ -108,9 +108,9 @@ def troubles(done: Done) -> Iterator[str]:
 
 def makespan_s(done: Done) -> float | None:
     """Return the time from the first start of an item to the last end in seconds; None where nothing was begun."""
-    own = [event for event in done.events if isinstance(event, TaskFact) and not event.parent_execution_id]
-    starts = {event.execution_id: event.time_ns for event in own if isinstance(event, TaskStarted)}
-    ends = [event.time_ns for event in own if isinstance(event, TaskEnded) and event.execution_id in starts]
+    task_events = [event for event in done.events if isinstance(event, TaskFact) and not event.parent_execution_id]
+    starts = {event.execution_id: event.time_ns for event in task_events if isinstance(event, TaskStarted)}
+    ends = [event.time_ns for event in task_events if isinstance(event, TaskEnded) and event.execution_id in starts]
     return (max(ends) - min(starts.values())) / NS_PER_S if ends else None
 
 
@@ -119,8 +119,8 @@ def _makespan_text(done: Done) -> str:
     return "n/a" if took_s is None else f"{took_s:.1f} s"
 
 
-def _against(makespan: str, plan: Plan, mode: str) -> str:
-    """Return a makespan beside what the plan promised."""
+def _beside_plan(makespan: str, plan: Plan, mode: str) -> str:
+    """Return a makespan next to the expected or planned one."""
     expected, planned_s = plan.expected, _planned_s(plan)
     if expected is not None:
         spread = f"[{expected.run_low_s:.1f}, {expected.run_high_s:.1f}]"
@@ -130,7 +130,7 @@ def _against(makespan: str, plan: Plan, mode: str) -> str:
     return makespan if planned_s is None else f"{makespan}; planned {planned_s:.1f} (undisturbed)"
 
 
-def _promised(plan: Plan) -> dict[str, Any]:
+def _expected_json(plan: Plan) -> dict[str, Any]:
     return {"expected": plan.expected.to_json() if plan.expected else None, "planned_s": _planned_s(plan)}
 
 
@@ -141,7 +141,7 @@ def _planned_s(plan: Plan) -> float | None:
     return max(ends) - min(starts) if starts and ends else None
 
 
-def _mean(runs: Sequence[Done]) -> tuple[float | None, float | None, float | None, int]:
+def _mean_makespan(runs: Sequence[Done]) -> tuple[float | None, float | None, float | None, int]:
     """Return the mean makespan of the runs that succeeded, its 95 % interval, and how many they are."""
     took_s = [makespan_s(done) for done in runs if done.outcome == _SUCCEEDED]
     known_s = [seconds for seconds in took_s if seconds is not None]

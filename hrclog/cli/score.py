@@ -84,25 +84,25 @@ def command(
         check_writable(output)
     names = tuple(dict.fromkeys(estimators)) or SCORED
     true = _true_pairs(truth) if truth else None
-    known, findings = _read(logs or train)
+    known, findings = _read_sessions(logs or train)
     predicting = Progress("predicting", len(names) * ((cv or 5) if logs else 1))
     predictions: Predictions
     if logs:
         predictions = cross_validate(known, cv or 5, seed, names, outliers, predicting)
     else:
-        tested, more = _read(test)
-        findings += more
+        tested, test_findings = _read_sessions(test)
+        findings += test_findings
         if static:
             predictions = predict_static(known, tested, names, outliers, transfer_deviation, predicting)
         else:
             predictions = predict_prequential(known, tested, names, outliers, predicting)
     predicting.done()
-    found = score(predictions)
+    result = score(predictions)
     if true is not None:
-        found = replace(found, truth=_against_truth(known, true, names, outliers))
+        result = replace(result, truth=_against_truth(known, true, names, outliers))
     if output:
-        _save(found, predictions, output)
-    click.echo(found.to_json() if as_json else score_text(found))
+        _save(result, predictions, output)
+    click.echo(result.to_json() if as_json else score_text(result))
     return tell(findings)
 
 
@@ -127,7 +127,7 @@ def _check_usage(
         raise click.UsageError("--transfer-deviation goes with --static")
 
 
-def _read(paths: tuple[str, ...]) -> tuple[pl.DataFrame, list[Diagnostic]]:
+def _read_sessions(paths: tuple[str, ...]) -> tuple[pl.DataFrame, list[Diagnostic]]:
     from hrclog.analyzers.projections.intervals import rebuild
     from hrclog.log.reader import read_logs
 
@@ -142,10 +142,10 @@ def _true_pairs(path: Path) -> pl.DataFrame:
     from hrclog.analyzers.prediction.score_truth import true_pairs
     from hrclog.sim.truth import read_truth
 
-    known = read_truth(path)
+    truth = read_truth(path)
     return true_pairs(
-        [(row.agent, row.task, row.mu, row.sigma) for row in known.tasks],
-        [(row.agent, row.task, row.other_agent, row.other_task, row.synergy) for row in known.synergies],
+        [(row.agent, row.task, row.mu, row.sigma) for row in truth.tasks],
+        [(row.agent, row.task, row.other_agent, row.other_task, row.synergy) for row in truth.synergies],
     )
 
 
@@ -161,13 +161,13 @@ def _against_truth(
     return {name: truth_figures(pair_errors(fit, observations, truth)) for name, fit in fits.items()}
 
 
-def _save(found: Score, predictions: Predictions, folder: Path) -> None:
+def _save(result: Score, predictions: Predictions, folder: Path) -> None:
     from hrclog.errors import OutputError
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         predictions.executions.write_parquet(folder / "forecasts.parquet")
         predictions.makespans.write_parquet(folder / "makespans.parquet")
-        (folder / "score.json").write_text(found.to_json() + "\n", encoding="utf-8")
+        (folder / "score.json").write_text(result.to_json() + "\n", encoding="utf-8")
     except OSError as error:
         raise OutputError(folder, f"cannot be written ({error.strerror or error})") from error

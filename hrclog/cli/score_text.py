@@ -36,27 +36,27 @@ def score_text(found: Score) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-def _headline(found: Score) -> str:
-    tested = f"{counted(found.n_test_runs, 'run')}, {counted(found.n_executions, 'execution')}"
-    lines = [f"{_SETTINGS[found.setting]}: {tested}, learnt from {counted(found.n_train_runs, 'run')}"]
-    if found.setting == "static":
+def _headline(score: Score) -> str:
+    tested = f"{counted(score.n_test_runs, 'run')}, {counted(score.n_executions, 'execution')}"
+    lines = [f"{_SETTINGS[score.setting]}: {tested}, learnt from {counted(score.n_train_runs, 'run')}"]
+    if score.setting == "static":
         lines.append(
             "Not calibrated: how far apart sessions are cannot be learnt from one; the intervals promise nothing"
         )
-    if found.setting == "cv":
+    if score.setting == "cv":
         lines += [
             f"{name} is not calibrated: some task has too few executions to learn from; more runs make it so"
-            for name, figures in found.estimators.items()
+            for name, figures in score.estimators.items()
             if scored(name).conformal and not figures["calibrated"]
         ]
-    missing = found.n_executions - max(row["n"] for row in found.estimators.values())
+    missing = score.n_executions - max(row["n"] for row in score.estimators.values())
     if missing:
         unknown = counted(missing, "execution is of a task", "executions are of tasks")
         lines.append(f"{unknown} that no run to learn from had finished: not predicted")
     return "\n".join(lines)
 
 
-def _overall(found: Score) -> str:
+def _overall(score: Score) -> str:
     rows = [
         (
             name,
@@ -66,7 +66,7 @@ def _overall(found: Score) -> str:
             number(row["makespan_mae_s"], 2),
             number(row["makespan_bias_s"], 2),
         )
-        for name, row in found.estimators.items()
+        for name, row in score.estimators.items()
     ]
     header = (
         "estimator",
@@ -77,40 +77,40 @@ def _overall(found: Score) -> str:
         "bias s",
     )
     text = table(header, rows, lambda i: i > 0)
-    worst = [
+    lowest = [
         f"{name} {number(row['coverage90_worst_five_runs'], 3)}"
-        for name, row in found.estimators.items()
+        for name, row in score.estimators.items()
         if "coverage90_worst_five_runs" in row
     ]
-    return text + (f"\nLowest coverage of five runs in a row: {', '.join(worst)}" if worst else "")
+    return text + (f"\nLowest coverage of five runs in a row: {', '.join(lowest)}" if lowest else "")
 
 
-def _per_agent(found: Score) -> str:
+def _per_agent(score: Score) -> str:
     rows = [
         (agent, name, *(show(row) for _, show in _COLUMNS))
-        for name, of in found.estimators.items()
-        for agent, row in of["agents"].items()
+        for name, figures in score.estimators.items()
+        for agent, row in figures["agents"].items()
     ]
     header = ("agent", "estimator", *(title for title, _ in _COLUMNS))
     return table(header, sorted(rows, key=lambda row: row[0]), lambda i: i > 1)
 
 
-def _comparisons(found: Score) -> str:
+def _comparisons(score: Score) -> str:
     rows = [
         (
             row["other"],
             f"{row['crps_reduction']:.1%}",
             "n/a" if row["low"] is None else f"[{row['low']:.1%}, {row['high']:.1%}]",
         )
-        for row in found.comparisons
+        for row in score.comparisons
     ]
     if not rows:
         return ""
-    first = found.comparisons[0]["estimator"]
+    first = score.comparisons[0]["estimator"]
     return f"How much lower the CRPS of {first} is\n" + table(("than", "by", "95 % interval"), rows, lambda i: i > 0)
 
 
-def _truth(found: Score) -> str:
+def _truth(score: Score) -> str:
     rows = [
         (
             name,
@@ -118,8 +118,8 @@ def _truth(found: Score) -> str:
             *(("n/a" if row[part] is None else f"{row[part]:.1%}") for part in ("bias", "rmse", "coverage95")),
             str(row["n"]),
         )
-        for name, of in found.truth.items()
-        for kind, row in of.items()
+        for name, figures in score.truth.items()
+        for kind, row in figures.items()
         if row["n"]
     ]
     title = "Against the truth (beside: mean duration beside the other's task; free: factor on undisturbed work)"

@@ -21,9 +21,11 @@ def summary(analysis: Analysis, output: Path, drawn: int) -> str:
     """Return the tables that a person reads first; `drawn` runs have a recording of their own."""
     parts = [_headline(analysis), _durations(analysis), _metrics(analysis), _synergies(analysis)]
     runs = analysis.runs.height
-    some = f" ({drawn} of {counted(runs, 'run')}, evenly spread; --recordings all draws each)" if drawn < runs else ""
+    selection = (
+        f" ({drawn} of {counted(runs, 'run')}, evenly spread; --recordings all draws each)" if drawn < runs else ""
+    )
     parts.append(
-        f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd{some}\n"
+        f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd{selection}\n"
         f"Look at it: hrclog view {output}"
     )
     return "\n\n".join(part for part in parts if part)
@@ -38,15 +40,15 @@ def _headline(analysis: Analysis) -> str:
 
 
 def _makespan(runs: pl.DataFrame) -> str:
-    """Return what the makespans were of those runs that nothing cut short, and how many those are."""
+    """Return the makespans of the runs that ended well, and the number of those runs."""
     from hrclog.analyzers.figures.makespans import complete_runs
 
     seconds = complete_runs(runs)["makespan_s"].to_list()
     timed = runs["makespan_s"].drop_nulls().len()
     if timed and not seconds:
         return f"makespan not known: {'the run did not end well' if timed == 1 else f'none of {timed} runs ended well'}"
-    some = f" ({len(seconds)} of {runs.height} runs, those that ended well)" if len(seconds) < runs.height else ""
-    return makespan(seconds) + (some if seconds else "")
+    selection = f" ({len(seconds)} of {runs.height} runs, those that ended well)" if len(seconds) < runs.height else ""
+    return makespan(seconds) + (selection if seconds else "")
 
 
 def makespan(seconds: list[float]) -> str:
@@ -80,7 +82,7 @@ def _durations(analysis: Analysis) -> str:
     return (
         "Durations in s (of executions that succeeded)\n"
         + table(header, rows, lambda i: i > 1)
-        + _more(analysis.durations.height)
+        + _omitted_note(analysis.durations.height)
     )
 
 
@@ -95,8 +97,9 @@ def _metrics(analysis: Analysis) -> str:
             rows.append((str(metric), str(key), number(mean(values)), number(spread), str(len(values))))
     if not rows:
         return ""
-    shown = table(("metric", "of", "mean", "std", "runs"), rows[:_MOST_ROWS], lambda i: i > 1)
-    return f"Metrics per run (fractions of the makespan, *_s in seconds; docs/metrics.md)\n{shown}{_more(len(rows))}"
+    metrics_table = table(("metric", "of", "mean", "std", "runs"), rows[:_MOST_ROWS], lambda i: i > 1)
+    title = "Metrics per run (fractions of the makespan, *_s in seconds; docs/metrics.md)"
+    return f"{title}\n{metrics_table}{_omitted_note(len(rows))}"
 
 
 def _synergies(analysis: Analysis) -> str:
@@ -124,7 +127,7 @@ def _synergies(analysis: Analysis) -> str:
     drawn = f"\nIntervals come from {counted(analysis.bootstrap, 'draw')} of whole runs" if analysis.bootstrap else ""
     note = drawn + (f"\n{counted(unobserved, 'pair')} of tasks never overlapped: not observed" if unobserved else "")
     header = ("task", "while", "factor", "95 % interval", *(["over free"] if free else []), "n", "overlap s", "status")
-    return f"{title}\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_more(seen.height)}{note}"
+    return f"{title}\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_omitted_note(seen.height)}{note}"
 
 
 def _free(row: dict[str, Any]) -> str:
@@ -134,5 +137,5 @@ def _free(row: dict[str, Any]) -> str:
     return number(row["synergy_free"]) + ends
 
 
-def _more(height: int) -> str:
+def _omitted_note(height: int) -> str:
     return f"\n... and {counted(height - _MOST_ROWS, 'more row')}, see analysis.json" if height > _MOST_ROWS else ""

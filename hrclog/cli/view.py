@@ -75,15 +75,15 @@ def command(
     if live:
         if names or output is not None:
             raise click.UsageError("--live takes neither --run nor -o: it shows what is being recorded")
-        return _follow(target, web_port, every, until_idle)
+        return _follow_runs(target, web_port, every, until_idle)
     if until_idle is not None:
         raise click.UsageError("--until-idle is for --live")
     if names and target.suffix == ".rrd" and not target.is_dir():
         raise click.UsageError("--run chooses among the runs of a log or a folder, not within a recording")
-    return _open(target, names, web_port, output)
+    return _open_recordings(target, names, web_port, output)
 
 
-def _open(target: Path, names: tuple[str, ...], web_port: int | None, output: Path | None) -> int:
+def _open_recordings(target: Path, names: tuple[str, ...], web_port: int | None, output: Path | None) -> int:
     from hrclog.analyzers.rerun.selection import recordings_at
     from hrclog.analyzers.rerun.viewer import check_viewer, open_viewer
 
@@ -91,7 +91,7 @@ def _open(target: Path, names: tuple[str, ...], web_port: int | None, output: Pa
     check_viewer(chosen.paths if chosen is not None else (), web_port)
     code = EXIT_FINE
     if chosen is None:
-        chosen, code = _analysed(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")))
+        chosen, code = _analyse(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")))
     if chosen.note:
         click.echo(printable(chosen.note), err=True)
     if len(chosen.paths) > 1:
@@ -99,7 +99,7 @@ def _open(target: Path, names: tuple[str, ...], web_port: int | None, output: Pa
     return code if open_viewer(chosen.paths, web_port) == 0 else EXIT_FAILED
 
 
-def _analysed(target: Path, names: tuple[str, ...], folder: Path) -> tuple[Chosen, int]:
+def _analyse(target: Path, names: tuple[str, ...], folder: Path) -> tuple[Chosen, int]:
     """Analyse logs into a folder, and return the recordings there and the exit code."""
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.output import RECORDING_NAME, check_writable, drawn_runs, save
@@ -116,11 +116,15 @@ def _analysed(target: Path, names: tuple[str, ...], folder: Path) -> tuple[Chose
     drawing = Progress("drawing runs", len(chosen))
     paths = draw(analysis, chosen, folder, drawing)
     drawing.done()
-    rest = 0 if names else analysis.runs.height - len(chosen)
-    note = f"opening {len(chosen)} of {analysis.runs.height:,} runs, evenly spread; --run NAME chooses" if rest else ""
+    n_left_out = 0 if names else analysis.runs.height - len(chosen)
+    note = (
+        f"opening {len(chosen)} of {analysis.runs.height:,} runs, evenly spread; --run NAME chooses"
+        if n_left_out
+        else ""
+    )
     campaign = folder / RECORDING_NAME
-    shown = (campaign, *reversed(paths)) if names else (*paths, campaign)
-    return Chosen(shown, note), tell(analysis.diagnostics)
+    opened = (campaign, *reversed(paths)) if names else (*paths, campaign)
+    return Chosen(opened, note), tell(analysis.diagnostics)
 
 
 def _check_content(target: Path, analysis: Analysis) -> None:
@@ -132,7 +136,7 @@ def _check_content(target: Path, analysis: Analysis) -> None:
         raise LogReadError(target, found, "agents that do something", remedy)
 
 
-def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
+def _follow_runs(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
     from hrclog.analyzers.rerun.viewer import running_viewer
     from hrclog.log.watch import list_folder
 
@@ -140,7 +144,7 @@ def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: fl
     with _Stop() as stop, running_viewer(web_port) as viewer:
         if viewer.page:
             click.echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
-        # when its window is closed, Rerun would complain here about what it cannot send any more
+        # after its window is closed, Rerun would print here that it cannot send data
         os.environ.setdefault("RUST_LOG", "off")
         from hrclog.analyzers.live.follow import Followed, follow
 
@@ -172,24 +176,24 @@ def _follow(folder: Path, web_port: int | None, every_s: float, until_idle_s: fl
 
 
 class _Stop:
-    """SIGINT and SIGTERM while it is entered: the first one is a request."""
+    """Handles SIGINT and SIGTERM inside a `with` block: the first signal is a request to stop."""
 
     def __init__(self) -> None:
-        self._asked = threading.Event()
+        self._requested = threading.Event()
 
     def __enter__(self) -> Self:
-        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        self._before = {number: signal.signal(number, self._request_stop) for number in (signal.SIGINT, signal.SIGTERM)}
         return self
 
     def __exit__(self, *_: object) -> None:
         self._restore()
 
     def wait(self, seconds: float) -> bool:
-        """Wait so long, or until asked to stop; return whether that was so."""
-        return self._asked.wait(seconds)
+        """Wait for some seconds or until a stop is requested; return whether it was requested."""
+        return self._requested.wait(seconds)
 
-    def _ask(self, number: int, frame: FrameType | None) -> None:
-        self._asked.set()
+    def _request_stop(self, number: int, frame: FrameType | None) -> None:
+        self._requested.set()
         self._restore()
 
     def _restore(self) -> None:

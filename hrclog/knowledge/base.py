@@ -44,7 +44,7 @@ class KnowledgeBase(Database):
             return view.runs()
 
     def times(self) -> TaskTimes:
-        """Return what plans are judged by; nothing where there are no statistics yet."""
+        """Return the task times for judging plans; none if there are no statistics yet."""
         with self.view() as view:
             return view.times()
 
@@ -75,31 +75,31 @@ class KnowledgeBase(Database):
         Raises:
             KnowledgeError: no run, or several, are meant.
         """
-        return self._withdraw(run, reason)
+        return self._put_withdrawal(run, reason)
 
     def undo_withdrawal(self, run: str) -> str:
         """Take a withdrawn run back into statistics, and return its id; arguments as those of `withdraw`."""
-        return self._withdraw(run, None)
+        return self._put_withdrawal(run, None)
 
-    def _withdraw(self, run: str, reason: str | None) -> str:
+    def _put_withdrawal(self, run: str, reason: str | None) -> str:
         from hrclog.knowledge.rows import clean_text
         from hrclog.knowledge.write import put_withdrawal
 
         with self.writing() as connection:
             view = View(connection)
-            run_id = _meant(self.where, run, view)
+            run_id = _find_run_id(self.where, run, view)
             put_withdrawal(connection, run_id, None if reason is None else clean_text(reason))
             return run_id
 
 
-def _meant(where: str, run: str, view: View) -> str:
-    """Return the id of the run that is meant by an id or a name."""
+def _find_run_id(where: str, run: str, view: View) -> str:
+    """Return the id of the run with an id or a name."""
     runs = view.runs()
     if any(run == entry.run_id for entry in runs) or run in view.withdrawals():
         return run
-    named = [entry.run_id for entry in runs if entry.name == run]
-    if len(named) == 1:
-        return named[0]
-    found = f"{len(named)} runs are named {run!r}" if named else f"no run has the id or the name {run!r}"
-    ids = f"give one of their ids: {', '.join(named[:4])}" if named else "hrclog kb show lists them"
-    raise KnowledgeError(where, found, ids)
+    run_ids = [entry.run_id for entry in runs if entry.name == run]
+    if len(run_ids) == 1:
+        return run_ids[0]
+    reason = f"{len(run_ids)} runs are named {run!r}" if run_ids else f"no run has the id or the name {run!r}"
+    remedy = f"give one of their ids: {', '.join(run_ids[:4])}" if run_ids else "hrclog kb show lists them"
+    raise KnowledgeError(where, reason, remedy)

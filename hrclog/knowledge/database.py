@@ -1,4 +1,4 @@
-"""Transactions on a knowledge base, and what to say when one fails."""
+"""Transactions on a knowledge base, and the errors of those that fail."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Database:
             _check_file(self._place.path, create=create)
         self._engine = make_engine(self._place, wait_s)
         try:
-            if not self._is_there():
+            if not self._exists():
                 self._create(create=create)
         except BaseException:
             self.close()
@@ -64,7 +64,11 @@ class Database:
             KnowledgeError: the database fails.
         """
         options = {} if self._is_sqlite else {"isolation_level": "REPEATABLE READ"}
-        with _told(self._place), self._engine.connect().execution_options(**options) as connection, connection.begin():
+        with (
+            _translate_errors(self._place),
+            self._engine.connect().execution_options(**options) as connection,
+            connection.begin(),
+        ):
             yield connection
 
     @contextmanager
@@ -75,7 +79,11 @@ class Database:
             KnowledgeError: the database fails, or another process writes for too long.
         """
         options = {WRITING: True}
-        with _told(self._place), self._engine.connect().execution_options(**options) as connection, connection.begin():
+        with (
+            _translate_errors(self._place),
+            self._engine.connect().execution_options(**options) as connection,
+            connection.begin(),
+        ):
             if not self._is_sqlite:
                 connection.execute(text(f"SET LOCAL lock_timeout = {int(self._wait_s * 1000)}"))
                 connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK})"))
@@ -85,33 +93,33 @@ class Database:
     def _is_sqlite(self) -> bool:
         return self._place.path is not None
 
-    def _is_there(self) -> bool:
+    def _exists(self) -> bool:
         """Return whether this is a knowledge base; False where there is nothing.
 
         Raises:
             KnowledgeError: it is something else.
         """
         with self.reading() as connection:
-            found = set(inspect(connection).get_table_names())
-            if META.name in found:
+            table_names = set(inspect(connection).get_table_names())
+            if META.name in table_names:
                 _check_version(self._place, connection)
                 return True
-        taken = found if self._is_sqlite else found & set(METADATA.tables)
-        if taken:
-            names = ", ".join(sorted(taken)[:4])
+        foreign_names = table_names if self._is_sqlite else table_names & set(METADATA.tables)
+        if foreign_names:
+            names = ", ".join(sorted(foreign_names)[:4])
             raise KnowledgeError(self.where, f"found a database of something else (tables {names})", _ANOTHER)
         return False
 
     def _create(self, *, create: bool) -> None:
         if not create:
-            raise _nothing(self.where)
+            raise _missing_error(self.where)
         if self._is_sqlite:
-            with _told(self._place), self._engine.connect() as connection:
+            with _translate_errors(self._place), self._engine.connect() as connection:
                 raw = connection.connection.driver_connection
                 assert raw is not None  # noqa: S101 - a connection has one
                 raw.execute("PRAGMA journal_mode=WAL")  # readers and a writer do not wait for each other
         with self.writing() as connection:
-            if not inspect(connection).has_table(META.name):  # another process may have been faster
+            if not inspect(connection).has_table(META.name):  # another process may have created it meanwhile
                 METADATA.create_all(connection)
                 connection.execute(insert(META).values(key="schema_version", value=KNOWLEDGE_VERSION))
 
@@ -123,12 +131,12 @@ def _check_file(path: Path, *, create: bool) -> None:
     if path.is_dir():
         raise KnowledgeError(path, "found a folder, expected a file", _ANOTHER)
     if not path.exists() and not create:
-        raise _nothing(path)
+        raise _missing_error(path)
     if not path.parent.is_dir():
         raise KnowledgeError(path, f"there is no folder {path.parent}", "make it, or correct the path")
 
 
-def _nothing(where: str | Path) -> KnowledgeError:
+def _missing_error(where: str | Path) -> KnowledgeError:
     remedy = f"correct the name, or make one with: hrclog kb update LOG... --kb {where}"
     return KnowledgeError(where, "found no knowledge base", remedy)
 
@@ -136,20 +144,22 @@ def _nothing(where: str | Path) -> KnowledgeError:
 def _check_version(place: Place, connection: Connection) -> None:
     version = connection.execute(select(META.c.value).where(META.c.key == "schema_version")).scalar()
     if version != KNOWLEDGE_VERSION:
-        found = f"found a knowledge base of schema version {version}, expected {KNOWLEDGE_VERSION}"
+        mismatch = f"found a knowledge base of schema version {version}, expected {KNOWLEDGE_VERSION}"
         remedy = "use the hrclog that made it, or make a new one from the logs with hrclog kb update LOG... --kb NEW"
-        raise KnowledgeError(place.shown, found, remedy)
+        raise KnowledgeError(place.shown, mismatch, remedy)
 
 
 @contextmanager
-def _told(place: Place) -> Iterator[None]:
-    """Turn what a database raises into an error that says what to do."""
+def _translate_errors(place: Place) -> Iterator[None]:
+    """Turn the errors of a database into errors that say what to do."""
     try:
         yield
     except DBAPIError as error:
-        raise _error(place, str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "?") from error
+        raise _database_error(
+            place, str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "?"
+        ) from error
     except SQLAlchemyError as error:
-        raise _error(place, str(error).splitlines()[0]) from error
+        raise _database_error(place, str(error).splitlines()[0]) from error
 
 
 _REMEDIES: Final = (
@@ -169,8 +179,8 @@ _REMEDIES: Final = (
 )
 
 
-def _error(place: Place, said: str) -> KnowledgeError:
-    for words, meaning, remedy in _REMEDIES:
-        if words in said:
-            return KnowledgeError(place.shown, f"{meaning} ({said})", remedy)
-    return KnowledgeError(place.shown, f"the database failed ({said})", "see its own messages")
+def _database_error(place: Place, failure: str) -> KnowledgeError:
+    for pattern, meaning, remedy in _REMEDIES:
+        if pattern in failure:
+            return KnowledgeError(place.shown, f"{meaning} ({failure})", remedy)
+    return KnowledgeError(place.shown, f"the database failed ({failure})", "see its own messages")

@@ -58,10 +58,10 @@ def result_documents(results: pl.DataFrame, recipe_of: Mapping[str, str]) -> Ite
         results: executions with the columns of intervals, ordered as they are.
         recipe_of: the recipe by run_id.
     """
-    kept = results.select(TASK_RESULTS.columns.keys())
-    for (run_id,), part in kept.group_by("run_id", maintain_order=True):
+    executions = results.select(TASK_RESULTS.columns.keys())
+    for (run_id,), part in executions.group_by("run_id", maintain_order=True):
         zero = int(part["start_ns"].to_list()[0])  # they are ordered by it
-        yield str(run_id), [_result(row, recipe_of[str(run_id)], zero) for row in part.iter_rows(named=True)]
+        yield str(run_id), [_result_document(row, recipe_of[str(run_id)], zero) for row in part.iter_rows(named=True)]
 
 
 def duration_documents(durations: pl.DataFrame) -> list[Document]:
@@ -108,11 +108,11 @@ def synergy_documents(synergies: pl.DataFrame, durations: pl.DataFrame) -> list[
 
 def result_row(document: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Return the execution that a document of `result_documents` was made from, None if it is from elsewhere."""
-    own = document.get(OWN)
-    return own if isinstance(own, Mapping) and set(own) == set(TASK_RESULTS.columns.keys()) else None
+    row = document.get(OWN)
+    return row if isinstance(row, Mapping) and set(row) == set(TASK_RESULTS.columns.keys()) else None
 
 
-def _result(row: dict[str, Any], recipe: str, zero: int) -> Document:
+def _result_document(row: dict[str, Any], recipe: str, zero: int) -> Document:
     until = row["until_ns"]
     return {
         "_id": _object_id("result", row["run_id"], row["execution_id"]),
@@ -128,13 +128,13 @@ def _result(row: dict[str, Any], recipe: str, zero: int) -> Document:
         "agent": row["agent"],
         "t_start": row["start_ns"] / 1e9,
         "t_end": until / 1e9,
-        "t_start_planned": _planned(row["planned_start_ns"], zero),
-        "t_end_planned": _planned(row["planned_end_ns"], zero),
+        "t_start_planned": _seconds_since(row["planned_start_ns"], zero),
+        "t_end_planned": _seconds_since(row["planned_end_ns"], zero),
         OWN: row,
     }
 
 
-def _planned(instant: int | None, zero: int) -> float | None:
+def _seconds_since(instant: int | None, zero: int) -> float | None:
     return None if instant is None else (instant - zero) / 1e9
 
 

@@ -47,7 +47,7 @@ def export_json(kb: KnowledgeBase, folder: Path) -> list[tuple[Path, int]]:
     """
     with kb.view() as view:
         files = {"task_results": list(chain.from_iterable(run_documents(view).values())), **other_documents(view)}
-        rest = _rest(view)
+        rest = _rest_json(view)
     written = [(folder / f"{name}.json", len(documents)) for name, documents in files.items()]
     for (path, _), documents in zip(written, files.values(), strict=True):
         _write(path, documents)
@@ -132,24 +132,24 @@ def import_json(kb: KnowledgeBase, folder: Path) -> tuple[dict[str, list[str]], 
         results = _results([*documents, *rest["withdrawn_results"]])
         records = [_record(run, rest["snapshots"], results) for run in rest["runs"]]
         withdrawals = {str(run): str(reason) for run, reason in rest["withdrawals"].items()}
-        made = rest["statistics"] and (str(rest["statistics"]["estimator"]), str(rest["statistics"]["outliers"]))
+        method = rest["statistics"] and (str(rest["statistics"]["estimator"]), str(rest["statistics"]["outliers"]))
     except HrclogError:
         raise
     except Exception as error:
-        found = f"{type(error).__name__}: {error}"
-        raise ImportDataError(folder / REST, found, "what hrclog kb export wrote", _REMEDY) from error
-    done: dict[str, list[str]] = {"added": [], "replaced": [], "unchanged": []}
+        problem = f"{type(error).__name__}: {error}"
+        raise ImportDataError(folder / REST, problem, "what hrclog kb export wrote", _REMEDY) from error
+    run_ids: dict[str, list[str]] = {"added": [], "replaced": [], "unchanged": []}
     for record in records:
-        done[kb.put(record)].append(record.run_id)
+        run_ids[kb.put(record)].append(record.run_id)
     with kb.writing() as connection:
-        there = View(connection).withdrawals()
+        existing = View(connection).withdrawals()
         for run_id, reason in withdrawals.items():
-            put_withdrawal(connection, run_id, there.get(run_id, reason))
-    return done, made
+            put_withdrawal(connection, run_id, existing.get(run_id, reason))
+    return run_ids, method
 
 
-def _rest(view: View) -> dict[str, Any]:
-    made = view.statistics()
+def _rest_json(view: View) -> dict[str, Any]:
+    statistics = view.statistics()
     runs = view.runs()
     withdrawn = result_documents(view.results(withdrawn=True), recipes(runs))
     return {
@@ -158,13 +158,13 @@ def _rest(view: View) -> dict[str, Any]:
         "snapshots": {key: [task.to_row() for task in tasks] for key, tasks in view.snapshots().items()},
         "withdrawals": view.withdrawals(),
         "withdrawn_results": list(chain.from_iterable(documents for _, documents in withdrawn)),
-        "statistics": made and {name: value for name, value in asdict(made).items() if name != "runs"},
+        "statistics": statistics and {name: value for name, value in asdict(statistics).items() if name != "runs"},
     }
 
 
-def _check_version(path: Path, found: object) -> None:
-    if found != KNOWLEDGE_VERSION:
-        raise ImportDataError(path, f"schema version {found!r}", KNOWLEDGE_VERSION, _REMEDY)
+def _check_version(path: Path, version: object) -> None:
+    if version != KNOWLEDGE_VERSION:
+        raise ImportDataError(path, f"schema version {version!r}", KNOWLEDGE_VERSION, _REMEDY)
 
 
 def _results(documents: Iterable[Mapping[str, Any]]) -> dict[str, pl.DataFrame]:
@@ -201,7 +201,7 @@ def _read(path: Path) -> Any:  # noqa: ANN401 - any JSON value
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        found = f"a file that cannot be opened ({error.strerror})"
-        raise ImportDataError(path, found, expected, _REMEDY) from error
+        problem = f"a file that cannot be opened ({error.strerror})"
+        raise ImportDataError(path, problem, expected, _REMEDY) from error
     except ValueError as error:
         raise ImportDataError(path, f"no JSON ({error})", expected, _REMEDY) from error

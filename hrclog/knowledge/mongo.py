@@ -31,14 +31,14 @@ def export_mongo(kb: KnowledgeBase, url: str) -> dict[str, int]:
     Raises:
         KnowledgeError: the driver is missing, or the server fails.
     """
-    shown = _shown(url)
+    safe_url = _without_password(url)
     try:
         from bson import ObjectId
         from pymongo import MongoClient
         from pymongo.errors import PyMongoError
     except ModuleNotFoundError as error:
-        found = f"the package {error.name} is missing"
-        raise KnowledgeError(shown, found, "pip install 'hrclog[mongo]'") from error
+        reason = f"the package {error.name} is missing"
+        raise KnowledgeError(safe_url, reason, "pip install 'hrclog[mongo]'") from error
     try:
         limit: dict[str, Any] = {} if "serverSelectionTimeoutMS" in url else {"serverSelectionTimeoutMS": 5000}
         client: MongoClient[Document] = MongoClient(url, **limit)
@@ -47,7 +47,7 @@ def export_mongo(kb: KnowledgeBase, url: str) -> dict[str, int]:
         finally:
             client.close()
     except (PyMongoError, ValueError) as error:
-        raise KnowledgeError(shown, f"the server failed ({str(error)[:200]})", _REMEDY) from error
+        raise KnowledgeError(safe_url, f"the server failed ({str(error)[:200]})", _REMEDY) from error
 
 
 def write_documents(kb: KnowledgeBase, database: Database[Document], object_id: Callable[[str], Any]) -> dict[str, int]:
@@ -62,36 +62,41 @@ def write_documents(kb: KnowledgeBase, database: Database[Document], object_id: 
         by_run, others = run_documents(view), other_documents(view)
     results = database["task_results"]
     for run, of_run in by_run.items():
-        _replace(results, of_run, {f"{OWN}.run_id": run}, object_id)
+        _replace_documents(results, of_run, {f"{OWN}.run_id": run}, object_id)
     results.delete_many({f"{OWN}.run_id": {"$exists": True, "$nin": list(by_run)}})
     for name, documents in others.items():
-        _replace(database[name], documents, {OWN: {"$exists": True}}, object_id)
+        _replace_documents(database[name], documents, {OWN: {"$exists": True}}, object_id)
     counts = {name: len(documents) for name, documents in others.items()}
     return {"task_results": sum(map(len, by_run.values())), **counts}
 
 
-def _replace(collection: Any, documents: Sequence[Document], own: Document, object_id: Callable[[str], Any]) -> None:  # noqa: ANN401 - the driver's, or a stand-in
-    """Put documents in the place of their earlier versions, then remove those of ours that are no more."""
+def _replace_documents(
+    collection: Any,  # noqa: ANN401 - the driver's, or a stand-in
+    documents: Sequence[Document],
+    origin: Document,
+    object_id: Callable[[str], Any],
+) -> None:
+    """Replace the earlier versions of documents, then remove the documents of `origin` that no longer exist."""
     from pymongo import ReplaceOne
 
-    values = [_value(document, object_id) for document in documents]
+    values = [_driver_value(document, object_id) for document in documents]
     if values:
         collection.bulk_write([ReplaceOne({"_id": value["_id"]}, value, upsert=True) for value in values])
-    collection.delete_many({**own, "_id": {"$nin": [value["_id"] for value in values]}})
+    collection.delete_many({**origin, "_id": {"$nin": [value["_id"] for value in values]}})
 
 
-def _value(value: Any, object_id: Callable[[str], Any]) -> Any:  # noqa: ANN401 - any JSON value
-    """Return what the driver takes for extended JSON: its own ids and dates."""
+def _driver_value(value: Any, object_id: Callable[[str], Any]) -> Any:  # noqa: ANN401 - any JSON value
+    """Return a value of extended JSON with the driver's own ids and dates."""
     if isinstance(value, dict):
         if set(value) == {"$oid"}:
             return object_id(value["$oid"])
         if set(value) == {"$date"}:
             return datetime.fromisoformat(value["$date"])
-        return {name: _value(inner, object_id) for name, inner in value.items()}
-    return [_value(inner, object_id) for inner in value] if isinstance(value, list) else value
+        return {name: _driver_value(entry, object_id) for name, entry in value.items()}
+    return [_driver_value(entry, object_id) for entry in value] if isinstance(value, list) else value
 
 
-def _shown(url: str) -> str:
-    """Return a URL without what may be a password."""
+def _without_password(url: str) -> str:
+    """Return a URL without user and password."""
     scheme, _, rest = url.partition("://")
     return f"{scheme}://{rest.rpartition('@')[2]}"

@@ -32,7 +32,7 @@ class Place:
 
 
 def place_of(where: str | Path) -> Place:
-    """Return the place that a user means.
+    """Return the place that a path or URL names.
 
     Raises:
         KnowledgeError: it is none that a knowledge base can be in.
@@ -52,8 +52,8 @@ def place_of(where: str | Path) -> Place:
     if kind in ("postgresql", "postgres") and url.database:
         return Place(shown, url=url.set(drivername="postgresql+psycopg"))
     if kind.startswith("mongodb"):
-        found = "MongoDB can only be written to"
-        raise KnowledgeError(shown, found, "use SQLite or PostgreSQL, and send copies with hrclog kb export --to")
+        reason = "MongoDB can only be written to"
+        raise KnowledgeError(shown, reason, "use SQLite or PostgreSQL, and send copies with hrclog kb export --to")
     raise KnowledgeError(shown, f"found {kind!r} or no name of a database", _FORMS)
 
 
@@ -79,8 +79,8 @@ def make_engine(place: Place, wait_s: float) -> Engine:
         return _sqlite_engine(place.path, wait_s)
     assert place.url is not None  # noqa: S101 - a place is either
     try:
-        given = {} if "connect_timeout" in place.url.query else {"connect_timeout": _SECONDS_TO_CONNECT}
-        return create_engine(place.url, connect_args=given, pool_pre_ping=True)
+        connect_args = {} if "connect_timeout" in place.url.query else {"connect_timeout": _SECONDS_TO_CONNECT}
+        return create_engine(place.url, connect_args=connect_args, pool_pre_ping=True)
     except ModuleNotFoundError as error:
         raise KnowledgeError(
             place.shown, f"the package {error.name} is missing", "pip install 'hrclog[postgres]'"

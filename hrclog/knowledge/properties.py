@@ -51,8 +51,8 @@ def properties_from_row(row: Mapping[str, str]) -> TaskProperties:
 def declared_properties(value: object) -> tuple[TaskProperties, ...]:
     """Return the tasks of a run_started event's `task_properties`, sorted; what is not of their form is left out."""
     entries = value if isinstance(value, list) else []
-    found = {task.task: task for task in map(_declared, entries) if task is not None}
-    return tuple(found[name] for name in sorted(found))
+    tasks = {task.task: task for task in map(_task_from_entry, entries) if task is not None}
+    return tuple(tasks[name] for name in sorted(tasks))
 
 
 def snapshot_id(tasks: Iterable[TaskProperties]) -> str:
@@ -66,7 +66,7 @@ def guesses_s(tasks: Iterable[TaskProperties]) -> dict[tuple[str, str], float]:
     return {(agent, task.task): guess for task in tasks for agent, guess in sorted(task.expected_s.items())}
 
 
-def _declared(entry: object) -> TaskProperties | None:
+def _task_from_entry(entry: object) -> TaskProperties | None:
     if not isinstance(entry, Mapping) or not isinstance(entry.get("name"), str) or not entry["name"]:
         return None
     agents = _texts(entry.get("agents"))

@@ -33,7 +33,7 @@ class Version:
     digest: str
 
     def supersedes(self, other: Version | None) -> bool:
-        """Return whether this is to be kept, and the other not."""
+        """Return whether this version replaces the other one."""
         return other is None or (self.n_events, self.digest) > (other.n_events, other.digest)
 
 
@@ -97,17 +97,17 @@ def _version(events: pl.DataFrame) -> Version:
     """Return the version of one run; unset columns do not count, so that further columns change nothing."""
     sha = hashlib.sha256()
     for values in events.select(COLUMNS).iter_rows():
-        said = {name: value for name, value in zip(COLUMNS, values, strict=True) if value not in _UNSET}
-        sha.update(json.dumps(said, ensure_ascii=False, sort_keys=True).encode() + b"\n")
+        fields = {name: value for name, value in zip(COLUMNS, values, strict=True) if value not in _UNSET}
+        sha.update(json.dumps(fields, ensure_ascii=False, sort_keys=True).encode() + b"\n")
     return Version(events.height, sha.hexdigest())
 
 
 def _record(run_id: str, events: pl.DataFrame, version: Version, results: pl.DataFrame) -> RunRecord:
     by_seq = events.sort("seq", maintain_order=True)
-    started = [_details(text) for text in _of_kind(by_seq, RunStarted.kind, "details")]
-    outcomes = _of_kind(by_seq, RunEnded.kind, "outcome")
+    started = [_details(text) for text in _column_of_kind(by_seq, RunStarted.kind, "details")]
+    outcomes = _column_of_kind(by_seq, RunEnded.kind, "outcome")
     names = [details["name"] for details in started if isinstance(details.get("name"), str)]
-    declared = [tasks for tasks in map(_declared, started) if tasks]
+    declared = [tasks for tasks in map(_declared_tasks, started) if tasks]
     return RunRecord(
         run_id=clean_text(run_id),
         version=version,
@@ -119,12 +119,12 @@ def _record(run_id: str, events: pl.DataFrame, version: Version, results: pl.Dat
     )
 
 
-def _of_kind(events: pl.DataFrame, kind: str, column: str) -> list[str]:
-    found: list[str] = events.filter(pl.col("kind") == kind)[column].to_list()
-    return found
+def _column_of_kind(events: pl.DataFrame, kind: str, column: str) -> list[str]:
+    values: list[str] = events.filter(pl.col("kind") == kind)[column].to_list()
+    return values
 
 
-def _declared(details: dict[str, Any]) -> tuple[TaskProperties, ...]:
+def _declared_tasks(details: dict[str, Any]) -> tuple[TaskProperties, ...]:
     return declared_properties(details.get("task_properties"))
 
 

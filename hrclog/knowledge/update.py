@@ -54,15 +54,15 @@ def update(kb: KnowledgeBase, method: Method) -> bool:
     """
     for _ in range(_TRIES):
         with kb.view() as view:
-            wanted = method.made_from(view.used_runs())
-            if _is_current(view, wanted):
+            target = method.made_from(view.used_runs())
+            if _is_current(view, target):
                 return False
             results = view.results()
-        taught = method.teach(results)
+        statistics = method.teach(results)
         with kb.writing() as connection:
             view = View(connection)
-            if view.used_runs() == wanted.runs:
-                put_statistics(connection, taught, wanted)
+            if view.used_runs() == target.runs:
+                put_statistics(connection, statistics, target)
                 return True
     with kb.writing() as connection:
         view = View(connection)
@@ -81,32 +81,32 @@ def rebuild(kb: KnowledgeBase, runs: Iterable[RunRecord], method: Method) -> Non
     Raises:
         KnowledgeError: the database fails; nothing has changed then.
     """
-    kept = {run.run_id: run for run in runs}
+    by_id = {run.run_id: run for run in runs}
     with kb.view() as view:
-        before = _used(kept, view)
-    taught = method.teach(_results(before))
+        used_before = _used_runs(by_id, view)
+    statistics = method.teach(_results(used_before))
     with kb.writing() as connection:
         view = View(connection)
         clear_runs(connection)
-        for run in kept.values():
+        for run in by_id.values():
             put_run(connection, run)
-        used = _used(kept, view)
-        if used != before:  # somebody withdrew a run meanwhile
-            taught = method.teach(view.results())
-        put_statistics(connection, taught, method.made_from(view.used_runs()))
+        used = _used_runs(by_id, view)
+        if used != used_before:  # somebody withdrew a run meanwhile
+            statistics = method.teach(view.results())
+        put_statistics(connection, statistics, method.made_from(view.used_runs()))
 
 
-def _is_current(view: View, wanted: StatisticsEntry) -> bool:
-    found = view.statistics()
-    return found is not None and found.statistics_id == wanted.statistics_id
+def _is_current(view: View, target: StatisticsEntry) -> bool:
+    existing = view.statistics()
+    return existing is not None and existing.statistics_id == target.statistics_id
 
 
-def _used(runs: dict[str, RunRecord], view: View) -> list[RunRecord]:
+def _used_runs(runs: dict[str, RunRecord], view: View) -> list[RunRecord]:
     withdrawn = view.withdrawals()
     return [run for run_id, run in runs.items() if run_id not in withdrawn]
 
 
 def _results(runs: list[RunRecord]) -> pl.DataFrame:
     """Return the executions of runs as a view would, a frame of intervals."""
-    none = pl.DataFrame(schema=frame_schema(TASK_RESULTS))
-    return results_frame(pl.concat([none, *(run.results for run in runs)])).with_columns(pl.lit("").alias("path"))
+    empty = pl.DataFrame(schema=frame_schema(TASK_RESULTS))
+    return results_frame(pl.concat([empty, *(run.results for run in runs)])).with_columns(pl.lit("").alias("path"))

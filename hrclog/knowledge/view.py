@@ -82,16 +82,16 @@ class View:
 
     def versions(self, run_ids: Sequence[str]) -> dict[str, tuple[int, str]]:
         """Return (number of events, digest) of those of some runs that are kept."""
-        found: dict[str, tuple[int, str]] = {}
+        by_id: dict[str, tuple[int, str]] = {}
         for first in range(0, len(run_ids), _IDS_AT_ONCE):
-            some = RUNS.c.run_id.in_(run_ids[first : first + _IDS_AT_ONCE])
-            rows = self._connection.execute(select(RUNS.c.run_id, RUNS.c.n_events, RUNS.c.digest).where(some))
-            found |= {run: (n_events, digest) for run, n_events, digest in rows}
-        return found
+            condition = RUNS.c.run_id.in_(run_ids[first : first + _IDS_AT_ONCE])
+            rows = self._connection.execute(select(RUNS.c.run_id, RUNS.c.n_events, RUNS.c.digest).where(condition))
+            by_id |= {run: (n_events, digest) for run, n_events, digest in rows}
+        return by_id
 
     def used_runs(self) -> tuple[tuple[str, str], ...]:
         """Return (run_id, digest) of the runs that are not withdrawn, sorted."""
-        rows = self._connection.execute(select(RUNS.c.run_id, RUNS.c.digest).where(_used(RUNS)))
+        rows = self._connection.execute(select(RUNS.c.run_id, RUNS.c.digest).where(_is_used(RUNS)))
         return tuple(sorted((run, digest) for run, digest in rows))
 
     def withdrawals(self) -> dict[str, str]:
@@ -107,8 +107,8 @@ class View:
         """
         import polars as pl
 
-        used = _used(TASK_RESULTS)
-        frame = self._frame(TASK_RESULTS, ~used if withdrawn else used)
+        is_used = _is_used(TASK_RESULTS)
+        frame = self._frame(TASK_RESULTS, ~is_used if withdrawn else is_used)
         return frame.sort(RESULT_ORDER).with_columns(pl.lit("").alias("path"))
 
     def durations(self) -> pl.DataFrame:
@@ -120,15 +120,15 @@ class View:
         return self._frame(TASK_SYNERGIES).sort("agent", "task", "other_agent", "other_task")
 
     def times(self) -> TaskTimes:
-        """Return what plans are judged by; nothing where there are no statistics yet."""
+        """Return the task times for judging plans; none if there are no statistics yet."""
         from hrclog.json_record import JsonRecord
         from hrclog.knowledge.task_times import task_times_from_json
 
-        found: dict[str, list[Any]] = {"time": [], "gap": []}
+        values: dict[str, list[Any]] = {"time": [], "gap": []}
         try:
             for kind, value in self._connection.execute(select(TASK_TIMES.c.kind, TASK_TIMES.c.value)):
-                found[kind].append(json.loads(value))
-            record = {"times": found["time"], "gaps": found["gap"]}
+                values[kind].append(json.loads(value))
+            record = {"times": values["time"], "gaps": values["gap"]}
             return task_times_from_json(JsonRecord(record, "task_times", ("times", "gaps")))
         except (ValueError, KeyError, ScenarioError) as error:
             what = f"task_times hold what hrclog did not write ({error})"
@@ -139,12 +139,12 @@ class View:
         """Return what runs declare of tasks, by the ids of the snapshots, sorted by name."""
         from hrclog.knowledge.properties import properties_from_row
 
-        found: dict[str, list[TaskProperties]] = {}
+        by_id: dict[str, list[TaskProperties]] = {}
         rows = self._connection.execute(select(TASK_PROPERTIES)).mappings()
         for row in sorted(rows, key=lambda row: (row["snapshot"], row["task"])):
             task = properties_from_row({str(name): value for name, value in row.items()})
-            found.setdefault(row["snapshot"], []).append(task)
-        return found
+            by_id.setdefault(row["snapshot"], []).append(task)
+        return by_id
 
     def properties(self) -> list[TaskProperties]:
         """Return the tasks as the latest run that is not withdrawn declares each, sorted by name."""
@@ -156,11 +156,11 @@ class View:
 
     def statistics(self) -> StatisticsEntry | None:
         """Return what the statistics are made from, None where there are none yet."""
-        found = self._connection.execute(select(STATISTICS)).mappings().one_or_none()
-        if found is None:
+        row = self._connection.execute(select(STATISTICS)).mappings().one_or_none()
+        if row is None:
             return None
         runs = self._connection.execute(select(STATISTICS_RUNS.c.run_id, STATISTICS_RUNS.c.digest))
-        return StatisticsEntry(**found, runs=tuple(sorted((run, digest) for run, digest in runs)))
+        return StatisticsEntry(**row, runs=tuple(sorted((run, digest) for run, digest in runs)))
 
     def _frame(self, table: Table, *conditions: Any) -> pl.DataFrame:  # noqa: ANN401 - SQL expressions
         from hrclog.knowledge.rows import frame_of, frame_schema
@@ -169,5 +169,5 @@ class View:
         return frame_of(rows, frame_schema(table))
 
 
-def _used(table: Table) -> Any:  # noqa: ANN401 - an SQL expression
+def _is_used(table: Table) -> Any:  # noqa: ANN401 - an SQL expression
     return table.c.run_id.not_in(select(WITHDRAWALS.c.run_id))

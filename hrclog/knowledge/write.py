@@ -44,23 +44,23 @@ class Taught:
 def put_run(connection: Connection, run: RunRecord) -> str:
     """Keep a run, in place of an earlier version; return added, replaced or unchanged."""
     where = RUNS.c.run_id == run.run_id
-    found = connection.execute(select(RUNS.c.n_events, RUNS.c.digest).where(where)).one_or_none()
-    if not run.version.supersedes(None if found is None else Version(*found)):
+    existing = connection.execute(select(RUNS.c.n_events, RUNS.c.digest).where(where)).one_or_none()
+    if not run.version.supersedes(None if existing is None else Version(*existing)):
         return "unchanged"
-    if found is not None:
+    if existing is not None:
         connection.execute(delete(RUNS).where(where))
         connection.execute(delete(TASK_RESULTS).where(TASK_RESULTS.c.run_id == run.run_id))
     _insert(connection, RUNS, [_run_row(run)])
     _insert(connection, TASK_RESULTS, run.results.to_dicts())
     _put_snapshot(connection, run)
-    if found is not None:
-        kept = select(RUNS.c.snapshot)
-        connection.execute(delete(TASK_PROPERTIES).where(TASK_PROPERTIES.c.snapshot.not_in(kept)))
-    return "added" if found is None else "replaced"
+    if existing is not None:
+        used_snapshots = select(RUNS.c.snapshot)
+        connection.execute(delete(TASK_PROPERTIES).where(TASK_PROPERTIES.c.snapshot.not_in(used_snapshots)))
+    return "added" if existing is None else "replaced"
 
 
 def clear_runs(connection: Connection) -> None:
-    """Forget all that comes from logs; withdrawals stay."""
+    """Delete everything that comes from logs; withdrawals stay."""
     for table in OF_RUNS:
         connection.execute(delete(table))
 
@@ -104,8 +104,8 @@ def _run_row(run: RunRecord) -> dict[str, Any]:
 
 
 def _put_snapshot(connection: Connection, run: RunRecord) -> None:
-    known = select(TASK_PROPERTIES.c.task).where(TASK_PROPERTIES.c.snapshot == run.snapshot).limit(1)
-    if run.tasks and connection.execute(known).first() is None:
+    same_snapshot = select(TASK_PROPERTIES.c.task).where(TASK_PROPERTIES.c.snapshot == run.snapshot).limit(1)
+    if run.tasks and connection.execute(same_snapshot).first() is None:
         _insert(connection, TASK_PROPERTIES, [{"snapshot": run.snapshot, **task.to_row()} for task in run.tasks])
 
 
@@ -114,7 +114,7 @@ def _rows(table: Table, frame: pl.DataFrame) -> list[dict[str, Any]]:
 
 
 def _times(times: TaskTimes) -> list[dict[str, str]]:
-    """Return times and gaps as rows; one with a number that is not finite says nothing, and is left out."""
+    """Return times and gaps as rows; an entry with a number that is not finite is left out."""
     entries = [("time", entry) for entry in times.to_json()["times"]]
     entries += [("gap", entry) for entry in times.to_json()["gaps"]]
     return [
@@ -127,8 +127,8 @@ def _times(times: TaskTimes) -> list[dict[str, str]]:
 def _is_finite(value: Any) -> bool:  # noqa: ANN401 - any JSON value
     if isinstance(value, float):
         return math.isfinite(value)
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return all(map(_is_finite, inner))
+    entries = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return all(map(_is_finite, entries))
 
 
 def _json(value: Any) -> str:  # noqa: ANN401 - any JSON value

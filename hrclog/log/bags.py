@@ -54,11 +54,13 @@ def read_bag(path: Path) -> list[BagTopic]:
     topics: dict[int, BagTopic] = {}
     try:
         with AnyReader([path], default_typestore=_store(message.TYPE_NAME, message.DEFINITION)) as reader:
-            wanted = [connection for connection in reader.connections if _is_ours(connection)]
-            if not wanted:  # rosbags would take an empty list for all
+            connections = [connection for connection in reader.connections if _is_event_or_signal(connection)]
+            if not connections:  # rosbags would take an empty list for all
                 return []
-            topics = {connection.id: _topic(connection, reader.typestore, cdr=path.is_dir()) for connection in wanted}
-            for connection, time_ns, raw in reader.messages(wanted):
+            topics = {
+                connection.id: _topic(connection, reader.typestore, cdr=path.is_dir()) for connection in connections
+            }
+            for connection, time_ns, raw in reader.messages(connections):
                 topic = topics[connection.id]
                 topic.times_ns.append(time_ns)
                 topic.messages.append(bytes(raw))
@@ -94,7 +96,7 @@ def _store(type_name: str, definition: str) -> Typestore:
     return store
 
 
-def _is_ours(connection: Connection) -> bool:
+def _is_event_or_signal(connection: Connection) -> bool:
     named = connection.topic.startswith("/hrc/") or connection.msgtype == message.TYPE_NAME
     return named and connection.msgtype in _OUR_TYPES
 

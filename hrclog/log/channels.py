@@ -168,8 +168,8 @@ def encode_joints(time_ns: int, names: Sequence[str], positions: Sequence[float]
         InvalidEventError: the two differ in length, a name is not valid Unicode, or the time is out of range.
     """
     if len(names) != len(positions):
-        found = f"{len(names)} names and {len(positions)} positions"
-        raise InvalidEventError(f"joint state: found {found}, expected as many")
+        counts = f"{len(names)} names and {len(positions)} positions"
+        raise InvalidEventError(f"joint state: found {counts}, expected as many")
     try:
         layout, head = _joints_layout(tuple(names))
         return layout.pack(LITTLE, time_ns // 10**9, time_ns % 10**9, head, *positions)
@@ -207,8 +207,8 @@ def encode_pose(time_ns: int, position: Sequence[float], quaternion: Sequence[fl
         InvalidEventError: a shape is wrong, or a field cannot be written.
     """
     if len(position) != 3 or len(quaternion) != 4:
-        found = f"{len(position)} coordinates and {len(quaternion)} parts of a quaternion"
-        raise InvalidEventError(f"pose: found {found}, expected 3 and 4")
+        counts = f"{len(position)} coordinates and {len(quaternion)} parts of a quaternion"
+        raise InvalidEventError(f"pose: found {counts}, expected 3 and 4")
     try:
         return _POSE.pack(LITTLE, time_ns // 10**9, time_ns % 10**9, _WORLD, *position, *quaternion)
     except struct.error as error:

@@ -39,7 +39,7 @@ _RULES: Final[list[tuple[str, pl.Expr, str | float | None]]] = [
 
 
 def without_copies(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
-    """Drop what is there twice: a journal beside its finished log, a file given twice; the first one stays."""
+    """Drop duplicate events (a journal beside its finished log, a file given twice); the first one stays."""
     if events.select(pl.struct("run_id", "seq").n_unique()).item() == events.height:
         return events, []
     unique = events.unique(subset=COLUMNS, keep="first", maintain_order=True)
@@ -64,9 +64,9 @@ def without_copies(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]
 
 def usable(events: pl.DataFrame) -> pl.DataFrame:
     """Drop events without a possible instant, and unset values that `check_events` calls invalid or not finite."""
-    kept = events.filter(pl.col("time_ns").is_between(-LATEST_NS, LATEST_NS))
+    possible = events.filter(pl.col("time_ns").is_between(-LATEST_NS, LATEST_NS))
     finite = [pl.when(pl.col(name).is_finite()).then(pl.col(name)).alias(name) for name in FLOAT_COLUMNS]
-    return kept.with_columns(finite).with_columns(
+    return possible.with_columns(finite).with_columns(
         pl.when(valid).then(pl.col(name)).otherwise(pl.lit(unset)).alias(name) for name, valid, unset in _RULES
     )
 
@@ -90,7 +90,7 @@ def check_events(events: pl.DataFrame) -> list[Diagnostic]:
 
 def _sequence(events: pl.DataFrame) -> list[Diagnostic]:
     seq = pl.col("seq")
-    # agents that are recorded one after the other are no clock trouble
+    # compare within an agent: agents may be recorded one after the other
     backwards = (seq.diff() < 0).over("run_id", "agent")
     runs = (
         events.with_columns(backwards.alias("backwards"))
@@ -103,7 +103,7 @@ def _sequence(events: pl.DataFrame) -> list[Diagnostic]:
             pl.col("backwards").sum(),
         )
     )
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     for run_id, path, high, distinct, shared, backwards in runs.iter_rows():
         missing = high + 1 - distinct
         texts = {
@@ -123,21 +123,21 @@ def _sequence(events: pl.DataFrame) -> list[Diagnostic]:
                 "times run backwards against the order of writing",
             ),
         }
-        found += [Diagnostic(code, counted(*text), path, run_id) for code, text in texts.items() if text[0] > 0]
-    return found
+        diagnostics += [Diagnostic(code, counted(*text), path, run_id) for code, text in texts.items() if text[0] > 0]
+    return diagnostics
 
 
 def _conflicting_runs(events: pl.DataFrame) -> list[Diagnostic]:
     """Find ids that two different runs carry: a run starts once per segment."""
     started = events.filter(pl.col("kind") == "run_started")
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     for (run_id,), part in started.group_by("run_id", maintain_order=True):
         segments = [_segment(details) for details in part["details"]]
         if len(set(segments)) < len(segments):
             paths = ", ".join(part["path"].unique().sort())
             text = f"{len(segments)} runs carry the id {run_id}: {paths}"
-            found.append(Diagnostic("conflicting_runs", text, part["path"][0], str(run_id)))
-    return found
+            diagnostics.append(Diagnostic("conflicting_runs", text, part["path"][0], str(run_id)))
+    return diagnostics
 
 
 def _segment(details: str) -> int:
@@ -218,7 +218,7 @@ def _non_finite(events: pl.DataFrame) -> list[Diagnostic]:
     ]
 
 
-def _first_of(events: pl.DataFrame, which: pl.Expr, name: str) -> list[tuple[str, str, object, int, int]]:
+def _first_of(events: pl.DataFrame, condition: pl.Expr, name: str) -> list[tuple[str, str, object, int, int]]:
     """Return (path, run, value, seq of the first, count) of some events, by their value of a column."""
-    groups = events.filter(which).group_by("path", "run_id", name, maintain_order=True)
+    groups = events.filter(condition).group_by("path", "run_id", name, maintain_order=True)
     return list(groups.agg(pl.col("seq").first(), pl.len()).iter_rows())

@@ -49,10 +49,10 @@ def joined(batches: Iterable[Batch]) -> Iterator[Batch]:
 def _join(batches: list[Batch]) -> Batch:
     if len(batches) == 1:
         return batches[0]
-    shift = np.cumsum([0, *(len(batch.data) for batch in batches[:-1])])
+    offsets = np.cumsum([0, *(len(batch.data) for batch in batches[:-1])])
     columns = [
-        [batch.channel, batch.sequence, batch.log_time, batch.publish_time, batch.start + by, batch.end + by]
-        for batch, by in zip(batches, shift, strict=True)
+        [batch.channel, batch.sequence, batch.log_time, batch.publish_time, batch.start + offset, batch.end + offset]
+        for batch, offset in zip(batches, offsets, strict=True)
     ]
     data = b"".join(batch.data for batch in batches)
     return Batch(data, *(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))

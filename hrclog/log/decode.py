@@ -71,7 +71,7 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
             elif signals and is_signal(channel):
                 decoded.signals.append(decode_signals(part, channel))
             elif signals and is_scene(channel):
-                decoded.scene.take(part, channel, partial(_tell, complain))
+                decoded.scene.take(part, channel, partial(_report_scene, complain))
     return decoded
 
 
@@ -79,7 +79,7 @@ def decode_topics(topics: Iterable[BagTopic], complain: Complain, *, signals: bo
     """Decode the events and, if wanted, signals and scene of a bag."""
     decoded = Decoded()
     for topic in topics:
-        batch = _joined(topic)
+        batch = _topic_batch(topic)
         channel = Channel(0, topic.topic, channels.CDR, {}, 0)
         if topic.type_name == message.TYPE_NAME:
             fast = topic.cdr and _is_our_layout(topic.definition)
@@ -88,11 +88,11 @@ def decode_topics(topics: Iterable[BagTopic], complain: Complain, *, signals: bo
         elif signals and topic.cdr and is_signal(channel):
             decoded.signals.append(decode_signals(batch, channel))
         elif signals and topic.cdr and is_scene(channel):
-            decoded.scene.take(batch, channel, partial(_tell, complain))
+            decoded.scene.take(batch, channel, partial(_report_scene, complain))
     return decoded
 
 
-def _tell(complain: Complain, text: str) -> None:
+def _report_scene(complain: Complain, text: str) -> None:
     complain("invalid_scene", text, None)
 
 
@@ -111,47 +111,47 @@ def _event_decoder(channel: Channel, schema: Schema | None, complain: Complain) 
         return partial(_general_events, decode=parse_object, complain=complain)
     definition = schema.data.decode(errors="replace") if schema is not None else message.DEFINITION
     if channel.message_encoding != channels.CDR:
-        return partial(_no_events, why=f"encoded as {channel.message_encoding!r}", complain=complain)
+        return partial(_undecodable_events, reason=f"encoded as {channel.message_encoding!r}", complain=complain)
     if _is_our_layout(definition):
         return partial(_fast_events, decode=None, complain=complain)
     try:
         decode = definition_decoder(message.TYPE_NAME, definition)
     except ValueError as error:
-        return partial(_no_events, why=str(error), complain=complain)
+        return partial(_undecodable_events, reason=str(error), complain=complain)
     return partial(_general_events, decode=decode, complain=complain)
 
 
 def _is_our_layout(definition: str) -> bool:
     """Return whether a definition begins with our fields; newer versions only add fields at the end."""
-    ours, theirs = _fields(message.DEFINITION), _fields(definition)
-    return theirs[: len(ours)] == ours
+    known_fields, bag_fields = _fields(message.DEFINITION), _fields(definition)
+    return bag_fields[: len(known_fields)] == known_fields
 
 
 def _fields(definition: str) -> list[tuple[str, ...]]:
-    own = definition.split("=" * 80, maxsplit=1)[0]  # types that it uses follow
-    lines = (line.split("#", maxsplit=1)[0].split() for line in own.splitlines())
+    main = definition.split("=" * 80, maxsplit=1)[0]  # types that it uses follow
+    lines = (line.split("#", maxsplit=1)[0].split() for line in main.splitlines())
     return [tuple(words) for words in lines if words]
 
 
-def _no_events(part: Batch, why: str, complain: Complain) -> pl.DataFrame:
-    text = f"{counted(len(part.start), 'message')} cannot be decoded ({why})"
+def _undecodable_events(part: Batch, reason: str, complain: Complain) -> pl.DataFrame:
+    text = f"{counted(len(part.start), 'message')} cannot be decoded ({reason})"
     complain("undecodable_event", f"{text}, expected cdr with a readable definition, or json", None)
     return frame_of_rows([])
 
 
 def _fast_events(part: Batch, decode: _Decode | None, complain: Complain) -> pl.DataFrame:
-    frame, good = message.decode_columns(part.data, part.start, part.end)
+    frame, valid = message.decode_columns(part.data, part.start, part.end)
     stamps = {"log_time_ns": part.log_time, "publish_time": part.publish_time, "sequence": part.sequence}
-    frame = frame.with_columns(pl.Series(name, times[good], pl.Int64) for name, times in stamps.items())
+    frame = frame.with_columns(pl.Series(name, times[valid], pl.Int64) for name, times in stamps.items())
     frame = frame.with_columns(
         pl.col("time_ns").fill_null(pl.col("publish_time")), pl.col("seq").fill_null(pl.col("sequence"))
     )
     frame = frame.select(EVENT_COLUMNS.names())
-    if good.all():
+    if valid.all():
         return frame
-    # another byte order, or damage: the general decoder knows
+    # another byte order or damage: the general decoder handles both
     decode = decode or definition_decoder(message.TYPE_NAME, message.DEFINITION)
-    return pl.concat([frame, _general_events(_select(part, ~good), decode, complain)])
+    return pl.concat([frame, _general_events(_select(part, ~valid), decode, complain)])
 
 
 def _general_events(part: Batch, decode: _Decode, complain: Complain) -> pl.DataFrame:
@@ -185,10 +185,10 @@ def frame_of_rows(rows: list[dict[str, Any]]) -> pl.DataFrame:
 
 def _row(decoded: Any) -> dict[str, Any]:  # noqa: ANN401 - a mapping or a generated message class
     values = dict(decoded) if isinstance(decoded, dict) else dict(fields_of(decoded, COLUMNS))
-    return row_from_object({name: _plain(value) for name, value in values.items()})
+    return row_from_object({name: _python_value(value) for name, value in values.items()})
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - numpy scalars of a decoder into Python's, None where unset
+def _python_value(value: Any) -> Any:  # noqa: ANN401 - numpy scalars of a decoder into Python's, None where unset
     if isinstance(value, np.generic):
         value = value.item()
     is_nan = isinstance(value, float) and np.isnan(value)
@@ -200,7 +200,7 @@ def _select(batch: Batch, mask: BoolArray) -> Batch:
     return batch if mask.all() else Batch(batch.data, *(array[mask] for array in arrays))
 
 
-def _joined(topic: BagTopic) -> Batch:
+def _topic_batch(topic: BagTopic) -> Batch:
     sizes = np.array([len(raw) for raw in topic.messages], np.int64)
     ends = np.cumsum(sizes)
     times = np.array(topic.times_ns, np.int64)

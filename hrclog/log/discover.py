@@ -1,4 +1,4 @@
-"""Which files a user means by paths, folders and globs."""
+"""Find the logs that paths, folders and globs name."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def find_logs(arguments: Iterable[str | Path]) -> list[Path]:
     A folder means the logs right in it, or is itself a log where it is a ROS 2 bag. A path that does not exist is
     returned too, so that reading it says so.
     """
-    found: dict[Path, None] = {}
+    paths: dict[Path, None] = {}
     for argument in arguments:
-        for path in _expand(argument):
-            found.update(dict.fromkeys(_logs_at(path)))
-    return list(found)
+        for candidate in _expand(argument):
+            paths.update(dict.fromkeys(_logs_at(candidate)))
+    return list(paths)
 
 
 def unread_logs(arguments: Iterable[str | Path], found: Iterable[Path]) -> list[tuple[Path, str]]:
@@ -40,8 +40,8 @@ def unread_logs(arguments: Iterable[str | Path], found: Iterable[Path]) -> list[
     for folder, count in sorted(folders.items()):
         journals = {path.absolute() for path in folder.glob("*.mcap.partial")} - chosen if count > 1 else set()
         if journals:
-            which = f"{counted(len(journals), 'unfinished log')} (*.mcap.partial) beside these"
-            notes.append((folder, f"{which} {agree(len(journals), 'was', 'were')} not read"))
+            journals_text = f"{counted(len(journals), 'unfinished log')} (*.mcap.partial) beside these"
+            notes.append((folder, f"{journals_text} {agree(len(journals), 'was', 'were')} not read"))
     for argument in map(Path, arguments):
         below = _logs_below(argument) - chosen
         if below:
@@ -53,8 +53,8 @@ def unread_logs(arguments: Iterable[str | Path], found: Iterable[Path]) -> list[
 def _logs_below(folder: Path) -> set[Path]:
     if not exists(folder) or not folder.is_dir() or (folder / BAG_METADATA).exists():
         return set()
-    found = (path for pattern in LOG_PATTERNS for path in folder.glob(f"*/{pattern}"))
-    return {path.absolute() for path in found if not (path.parent / BAG_METADATA).exists()}
+    paths = (path for pattern in LOG_PATTERNS for path in folder.glob(f"*/{pattern}"))
+    return {path.absolute() for path in paths if not (path.parent / BAG_METADATA).exists()}
 
 
 def _expand(argument: str | Path) -> list[Path]:

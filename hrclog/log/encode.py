@@ -100,11 +100,11 @@ def signal_message(signal: Signal, log_time: int) -> Message:
         InvalidEventError: a joint has no position, a scene is none, a text is not valid Unicode, or a time is out of
             range.
     """
-    channel, data = _encoded(signal)
+    channel, data = _encode_signal(signal)
     return Message(channel, max(log_time, 0), max(signal.time_ns, 0), data)
 
 
-def _encoded(signal: Signal) -> tuple[ChannelSpec, bytes]:
+def _encode_signal(signal: Signal) -> tuple[ChannelSpec, bytes]:
     match signal:
         case FloatSignal(run_id, name, _, value):
             return channels.float_signal(name, run_id), channels.encode_float(value)

@@ -15,7 +15,7 @@ from hrclog.errors import LogWriteError
 if sys.platform == "win32":  # two recorders of one file exclude each other by its creation alone
 
     def lock(fd: int, *, wait: bool) -> bool:  # noqa: ARG001 - the same signature everywhere
-        """Return True: there is nothing to lock with."""
+        """Return True: this system offers no lock."""
         return True
 
 else:
@@ -33,7 +33,7 @@ else:
 
 
 def exists(path: Path) -> bool:
-    """Return whether a path can be reached; one that is too long, or behind a closed door, cannot."""
+    """Return whether a path exists; False also if it is too long or not accessible."""
     try:
         return path.exists()
     except OSError:

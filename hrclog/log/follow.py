@@ -90,15 +90,15 @@ class JournalFollower:
             return None
         except OSError as error:
             raise LogReadError(self.path, f"a file that cannot be opened ({error.strerror})", "a journal") from error
-        used, problems = self._take(data)
-        self._position += used
-        self._seen = (self._seen + data[:used])[-_SEEN:]
-        more = status.st_size > self._position + (len(data) - used)
-        self._block = BLOCK if used or not more else 2 * self._block
+        n_bytes, problems = self._take(data)
+        self._position += n_bytes
+        self._seen = (self._seen + data[:n_bytes])[-_SEEN:]
+        more = status.st_size > self._position + (len(data) - n_bytes)
+        self._block = BLOCK if n_bytes or not more else 2 * self._block
         return self._news(problems, restarted=restarted, more=more, changed_ns=status.st_mtime_ns)
 
     def _restart_if_other(self, fd: int, status: os.stat_result) -> bool:
-        """Begin anew where the file is not the one that was read before."""
+        """Start again if the file is not the one that was read before."""
         file = status.st_dev, status.st_ino
         former, self._file = self._file, file
         if former is None:
@@ -119,18 +119,20 @@ class JournalFollower:
         others: list[bytes] = []
         problems: list[Problem] = []
         walk = Walk(data, problems)
-        used, settled = len(MAGIC) if self._position == 0 and data.startswith(MAGIC) else 0, 0
-        # events and others apart: the texts of events would keep in memory all that lies between them
+        n_bytes, n_settled = len(MAGIC) if self._position == 0 and data.startswith(MAGIC) else 0, 0
+        # keep events apart: their texts are views that would keep all other messages between them in memory
         for record in walk:
             try:
                 self._take_record(data, record, events, others)
             except ValueError as error:
                 walk.distrust(record, str(error))
                 continue
-            used, settled = record[3], len(problems)
+            n_bytes, n_settled = record[3], len(problems)
         self._contents.batches = [_batch(messages) for messages in (events, others) if messages]
         at = self._position
-        return used, [Problem(found.code, at + found.offset, found.message) for found in problems[:settled]]
+        return n_bytes, [
+            Problem(problem.code, at + problem.offset, problem.message) for problem in problems[:n_settled]
+        ]
 
     def _take_record(self, data: bytes, record: Record, events: list[bytes], others: list[bytes]) -> None:
         if record[0] == Opcode.MESSAGE:
@@ -141,16 +143,16 @@ class JournalFollower:
         messages: list[bytes] = []
         buffer, position, end = expand(data, record)
         while position < end:
-            inner = record_at(buffer, position, end)
-            if inner is None:
+            content = record_at(buffer, position, end)
+            if content is None:
                 raise ValueError("a chunk holds bytes that are no record")
-            if inner[0] != Opcode.MESSAGE:
-                self._contents.keep(buffer, inner)
-            elif inner[3] - inner[2] < _HEAD.itemsize:
+            if content[0] != Opcode.MESSAGE:
+                self._contents.keep(buffer, content)
+            elif content[3] - content[2] < _HEAD.itemsize:
                 raise ValueError("a message is shorter than its header")
             else:
-                messages.append(buffer[inner[2] : inner[3]])
-            position = inner[3]
+                messages.append(buffer[content[2] : content[3]])
+            position = content[3]
         for message in messages:
             (events if self._is_event(message) else others).append(message)
 
@@ -159,10 +161,12 @@ class JournalFollower:
         return channel is not None and is_event_channel(channel, self._contents.schemas.get(channel.schema_id))
 
     def _news(self, problems: list[Problem], *, restarted: bool, more: bool, changed_ns: int) -> News:
-        found = [Diagnostic(one.code, one.message, str(self.path), offset=one.offset) for one in problems]
+        diagnostics = [
+            Diagnostic(problem.code, problem.message, str(self.path), offset=problem.offset) for problem in problems
+        ]
 
         def complain(code: str, text: str, offset: int | None = None) -> None:
-            found.append(Diagnostic(code, text, str(self.path), offset=offset))
+            diagnostics.append(Diagnostic(code, text, str(self.path), offset=offset))
 
         decoded = decode_contents(self._contents, complain, signals=True)
         self._contents.batches = []
@@ -170,7 +174,7 @@ class JournalFollower:
         events = pl.concat([EVENT_COLUMNS.to_frame(), *decoded.events])
         events = events.with_columns(pl.lit(str(self.path)).alias("path")).select(EVENTS.names())
         signals = pl.concat([SIGNAL_COLUMNS.to_frame(), *decoded.signals])
-        return News(events, signals, scene, tuple(found), restarted, more, changed_ns)
+        return News(events, signals, scene, tuple(diagnostics), restarted, more, changed_ns)
 
 
 def _batch(messages: list[bytes]) -> Batch:

@@ -164,7 +164,7 @@ def _declares_all(contents: Contents, statistics: Statistics) -> bool:
     )
 
 
-def _accounts_for(contents: Contents, statistics: Statistics, wanted: set[int]) -> bool:
+def _accounts_for(contents: Contents, statistics: Statistics, channel_ids: set[int]) -> bool:
     batches = [batch.channel for batch in contents.batches]
-    found = np.bincount(np.concatenate([np.empty(0, np.int64), *batches]), minlength=1 << 16)
-    return all(found[channel] == statistics.channel_message_counts.get(channel, 0) for channel in wanted)
+    counts = np.bincount(np.concatenate([np.empty(0, np.int64), *batches]), minlength=1 << 16)
+    return all(counts[channel] == statistics.channel_message_counts.get(channel, 0) for channel in channel_ids)

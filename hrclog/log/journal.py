@@ -74,12 +74,12 @@ class Journal:
             LogWriteError: the disk did not take them.
             InvalidEventError: a message cannot be put into the format.
         """
-        known = len(self._channels)
+        n_declared = len(self._channels)
         repeated = self._repeated_declarations()
         try:
             self._write(repeated + b"".join(self._chunks(message) for message in messages))
         except BaseException:
-            for spec in list(self._channels)[known:]:  # their declarations were not written
+            for spec in list(self._channels)[n_declared:]:  # their declarations were not written
                 del self._channels[spec]
             raise
 
@@ -127,7 +127,7 @@ class Journal:
         try:
             self._write_all(data)
         except BaseException as error:
-            with suppress(OSError):  # what was not acknowledged shall not be there in part
+            with suppress(OSError):  # remove a partly written message
                 os.ftruncate(self._fd, self.size)
             if not isinstance(error, OSError):
                 raise

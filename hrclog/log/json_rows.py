@@ -42,48 +42,48 @@ def row_from_object(value: Mapping[str, Any]) -> dict[str, Any]:
     """
     row = _DEFAULTS.copy()
     for name in COLUMNS:
-        found = value.get(name)
-        if found is not None:
-            row[name] = _checked(name, found)
+        field_value = value.get(name)
+        if field_value is not None:
+            row[name] = _column_value(name, field_value)
     if not row["kind"]:
         raise InvalidEventError("found an object without `kind`, expected for example task_started")
     return row
 
 
-def _checked(name: str, found: Any) -> Any:  # noqa: ANN401 - any JSON value in, the column's type out
-    if name == "details" and isinstance(found, dict):
-        found = json.dumps(found, ensure_ascii=False, sort_keys=True)
+def _column_value(name: str, value: Any) -> Any:  # noqa: ANN401 - any JSON value in, the column's type out
+    if name == "details" and isinstance(value, dict):
+        value = json.dumps(value, ensure_ascii=False, sort_keys=True)
     if name in STRING_COLUMNS:
-        return _text(name, found)
-    if isinstance(found, bool) or not isinstance(found, int | float):
-        raise InvalidEventError(f"{name} is {found!r}, expected a number")
+        return _text(name, value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InvalidEventError(f"{name} is {value!r}, expected a number")
     if name in FLOAT_COLUMNS:
-        return _float(name, found)
-    return _integer(name, found)
+        return _float(name, value)
+    return _integer(name, value)
 
 
-def _text(name: str, found: Any) -> str:  # noqa: ANN401 - any JSON value
-    if not isinstance(found, str):
-        raise InvalidEventError(f"{name} is {found!r}, expected a text")
+def _text(name: str, value: Any) -> str:  # noqa: ANN401 - any JSON value
+    if not isinstance(value, str):
+        raise InvalidEventError(f"{name} is {value!r}, expected a text")
     try:
-        found.encode()
+        value.encode()
     except UnicodeEncodeError as error:
-        raise InvalidEventError(f"{name} is {found!r}, expected valid Unicode") from error
-    return found
+        raise InvalidEventError(f"{name} is {value!r}, expected valid Unicode") from error
+    return value
 
 
-def _integer(name: str, found: float) -> int:
+def _integer(name: str, value: float) -> int:
     low, high = (0, 2**32) if name in _COUNTERS[:2] else (-(2**63) + 1, 2**63)
     # instants of today do not fit into a float
-    if isinstance(found, float) and not (abs(found) <= 2**53 and found.is_integer()):
-        raise InvalidEventError(f"{name} is {found!r}, expected an integer, which no float above 2^53 holds exactly")
-    if not low <= found < high:
-        raise InvalidEventError(f"{name} is {found!r}, expected a whole number from {low} to {high - 1}")
-    return int(found)
+    if isinstance(value, float) and not (abs(value) <= 2**53 and value.is_integer()):
+        raise InvalidEventError(f"{name} is {value!r}, expected an integer, which no float above 2^53 holds exactly")
+    if not low <= value < high:
+        raise InvalidEventError(f"{name} is {value!r}, expected a whole number from {low} to {high - 1}")
+    return int(value)
 
 
-def _float(name: str, found: float) -> float:
+def _float(name: str, value: float) -> float:
     try:
-        return float(found)
+        return float(value)
     except OverflowError as error:
-        raise InvalidEventError(f"{name} is {str(found)[:20]}…, expected a number of 64 bits") from error
+        raise InvalidEventError(f"{name} is {str(value)[:20]}…, expected a number of 64 bits") from error

@@ -78,23 +78,23 @@ def decode_columns(data: bytes, starts: IntArray, ends: IntArray) -> tuple[pl.Da
     padding = np.zeros(_FIXED.size, np.uint8)  # so that no gather reads past the end
     raw = np.concatenate([np.frombuffer(data, np.uint8, last - first, first), padding])
     starts, ends = starts - first, ends - first
-    good = ends - starts >= len(_ENCAPSULATION) + _FIXED.size
-    good[good] &= (_gather(raw, starts[good], 2) == (0, 1)).all(axis=1)
+    valid = ends - starts >= len(_ENCAPSULATION) + _FIXED.size
+    valid[valid] &= (_gather(raw, starts[valid], 2) == (0, 1)).all(axis=1)
     bodies = starts + len(_ENCAPSULATION)
     positions = bodies + _FIXED.size
     spans: list[tuple[IntArray, IntArray]] = []
     for _ in STRING_COLUMNS:
-        positions, begin, length = _next_string(raw, bodies, positions, ends, good)
+        positions, begin, length = _next_string(raw, bodies, positions, ends, valid)
         spans.append((begin, length))
-    fixed = _gather(raw, bodies[good], _FIXED.size).view(_FIXED_DTYPE)[:, 0]
+    fixed = _gather(raw, bodies[valid], _FIXED.size).view(_FIXED_DTYPE)[:, 0]
     columns = {name: pl.Series(name, np.ascontiguousarray(fixed[name])) for name in fixed.dtype.names or ()}
     for name, (begin, length) in zip(STRING_COLUMNS, spans, strict=True):
-        columns[name] = _strings(name, raw, begin[good], length[good])
+        columns[name] = _strings(name, raw, begin[valid], length[valid])
     integers = pl.col("seq", *INT_COLUMNS)
     frame = pl.DataFrame(columns).with_columns(
         pl.when(integers != UNSET_INT).then(integers), pl.col(*FLOAT_COLUMNS).fill_nan(None)
     )
-    return _drop_invalid_texts(frame, good)
+    return _drop_invalid_texts(frame, valid)
 
 
 def _gather(raw: ByteArray, at: IntArray, size: int) -> ByteArray:
@@ -103,16 +103,16 @@ def _gather(raw: ByteArray, at: IntArray, size: int) -> ByteArray:
 
 
 def _next_string(
-    raw: ByteArray, bodies: IntArray, positions: IntArray, ends: IntArray, good: BoolArray
+    raw: ByteArray, bodies: IntArray, positions: IntArray, ends: IntArray, valid: BoolArray
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return (position after, first byte, length without NUL) of the strings at `positions`; torn ones clear `good`."""
+    """Return (end, first byte, length without NUL) of the strings at `positions`; torn ones unset `valid`."""
     positions = bodies + ((positions - bodies + 3) & ~3)
-    good &= positions + 4 <= ends
-    at = np.where(good, positions, 0)
+    valid &= positions + 4 <= ends
+    at = np.where(valid, positions, 0)
     size = _gather(raw, at, 4).view("<u4")[:, 0].astype(np.int64)
     begin = at + 4
-    good &= begin + size <= ends
-    size = np.where(good, size, 0)
+    valid &= begin + size <= ends
+    size = np.where(valid, size, 0)
     last = np.where(size > 0, begin + size - 1, 0)
     terminated = (size > 0) & (raw[last] == 0)
     return begin + size, begin, size - terminated
@@ -148,10 +148,10 @@ def _utf8(text: bytes) -> str | None:
         return None
 
 
-def _drop_invalid_texts(frame: pl.DataFrame, good: BoolArray) -> tuple[pl.DataFrame, BoolArray]:
+def _drop_invalid_texts(frame: pl.DataFrame, decoded: BoolArray) -> tuple[pl.DataFrame, BoolArray]:
     valid = frame.select(pl.all_horizontal(pl.col(STRING_COLUMNS).is_not_null())).to_series()
     if valid.all():
-        return frame, good
-    good = good.copy()
-    good[np.flatnonzero(good)] = valid.to_numpy()
-    return frame.filter(valid), good
+        return frame, decoded
+    decoded = decoded.copy()
+    decoded[np.flatnonzero(decoded)] = valid.to_numpy()
+    return frame.filter(valid), decoded

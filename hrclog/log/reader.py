@@ -73,13 +73,13 @@ def read_logs(
         LogReadError: nothing matched, or no file could be read at all.
     """
     arguments = [arguments] if isinstance(arguments, str | Path) else list(arguments)
-    paths = _found(arguments)
+    paths = _find_paths(arguments)
     parts, failures = _read_all(paths, on_file, signals=signals)
     if len(failures) == 1 and not parts:
         raise failures[0]
     if not parts:
-        found = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
-        raise LogReadError(paths[0].parent, found, "at least one log")
+        failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
+        raise LogReadError(paths[0].parent, failure_text, "at least one log")
     logs = _combine(parts, failures)
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in unread_logs(arguments, paths)]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
@@ -95,13 +95,13 @@ def read_events(paths: str | Path | Iterable[str | Path]) -> pl.DataFrame:
     Raises:
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
     """
-    parts, failures = _read_all(_found([paths] if isinstance(paths, str | Path) else list(paths)))
+    parts, failures = _read_all(_find_paths([paths] if isinstance(paths, str | Path) else list(paths)))
     if failures:
         raise failures[0]
     return _combine(parts, []).events
 
 
-def _found(arguments: list[str | Path]) -> list[Path]:
+def _find_paths(arguments: list[str | Path]) -> list[Path]:
     paths = find_logs(arguments)
     if not paths:
         names = ", ".join(map(str, arguments)) or "no argument"
@@ -144,7 +144,7 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         decoded = _decode_mcap(path, complain, signals=signals)
     events = pl.concat(decoded.events) if decoded.events else pl.DataFrame(schema=EVENT_COLUMNS)
     events = events.with_columns(pl.lit(str(path)).alias("path"))
-    events = _named_runs(events, path, complain)
+    events = _name_runs(events, path, complain)
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         complain("no_events", "the log carries no task events on /hrc/events")
     samples = pl.concat(decoded.signals) if decoded.signals else pl.DataFrame(schema=SIGNAL_COLUMNS)
@@ -177,16 +177,16 @@ def _read_mcap(path: Path, *, signals: bool) -> Contents:
     except OSError as error:
         raise LogReadError(path, f"a file that cannot be opened ({error.strerror})", "an event log") from error
     if path.suffix == ".rrd":
-        raise _foreign(path, data)
+        raise _foreign_error(path, data)
     contents = read_contents(data, is_wanted if signals else is_event_channel)
     # a kill before or within the magic bytes leaves a prefix of them
     if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
-        raise _foreign(path, data)
+        raise _foreign_error(path, data)
     return contents
 
 
-def _foreign(path: Path, data: bytes) -> LogReadError:
-    """Return the error for a file in which nothing of a log was found."""
+def _foreign_error(path: Path, data: bytes) -> LogReadError:
+    """Return the error for a file that is no log."""
     if data.startswith(_SQLITE):
         return LogReadError(path, "an SQLite file", "a log", "name the bag's folder, the one with metadata.yaml")
     if data.startswith(b"RRF") or path.suffix == ".rrd":
@@ -195,19 +195,19 @@ def _foreign(path: Path, data: bytes) -> LogReadError:
     return LogReadError(path, f"a file that begins with {data[:8]!r}", "an MCAP log or a ROS bag", remedy)
 
 
-def _named_runs(events: pl.DataFrame, path: Path, complain: Complain) -> pl.DataFrame:
+def _name_runs(events: pl.DataFrame, path: Path, complain: Complain) -> pl.DataFrame:
     nameless = events.filter(pl.col("run_id") == "").height
     if not nameless:
         return events
-    which = counted(nameless, "event names no run; it is", "events name no run; they are")
-    complain("no_run_id", f"{which} taken as one run of this file", None)
+    nameless_text = counted(nameless, "event names no run; it is", "events name no run; they are")
+    complain("no_run_id", f"{nameless_text} taken as one run of this file", None)
     run_id = derived_id("file", str(path.resolve()))
-    named = pl.when(pl.col("run_id") == "").then(pl.lit(run_id)).otherwise("run_id")
-    return events.with_columns(named.alias("run_id"))
+    run_ids = pl.when(pl.col("run_id") == "").then(pl.lit(run_id)).otherwise("run_id")
+    return events.with_columns(run_ids.alias("run_id"))
 
 
 def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
-    # the answer does not depend on the order of the arguments
+    # the result does not depend on the order of the arguments
     parts = sorted(parts, key=lambda part: part.paths)
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
     diagnostics += [

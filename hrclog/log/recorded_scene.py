@@ -101,7 +101,7 @@ def recorded_scene(parts: SceneParts, run_id: str | None, tell: Tell) -> Recorde
         tell: told what is left out.
     """
     scenes, descriptions, poses = (
-        _of_run(pl.concat(frames) if frames else schema.to_frame(), run_id)
+        _with_run(pl.concat(frames) if frames else schema.to_frame(), run_id)
         for frames, schema in (
             (parts.scenes, TEXT_COLUMNS),
             (parts.descriptions, TEXT_COLUMNS),
@@ -112,8 +112,8 @@ def recorded_scene(parts: SceneParts, run_id: str | None, tell: Tell) -> Recorde
     for run, _, _, text in _first(scenes).iter_rows():
         parsed[run], problems = parse_scene(text)
         if problems:
-            more = f" (and {counted(len(problems) - 1, 'further problem')})" if len(problems) > 1 else ""
-            tell(f"of a scene something was left out: {problems[0]}{more}")
+            others = f" (and {counted(len(problems) - 1, 'further problem')})" if len(problems) > 1 else ""
+            tell(f"of a scene something was left out: {problems[0]}{others}")
     urdfs = {(run, agent): text for run, agent, _, text in _first(descriptions).iter_rows()}
     return RecordedScene(parsed, urdfs, poses)
 
@@ -123,14 +123,14 @@ def merged(scenes: Iterable[RecordedScene]) -> RecordedScene:
     by_run: dict[str, Scene] = {}
     urdfs: dict[tuple[str, str], str] = {}
     frames: list[pl.DataFrame] = []
-    for one in scenes:
-        by_run = {**one.scenes, **by_run}
-        urdfs = {**one.descriptions, **urdfs}
-        frames.append(one.poses)
+    for scene in scenes:
+        by_run = {**scene.scenes, **by_run}
+        urdfs = {**scene.descriptions, **urdfs}
+        frames.append(scene.poses)
     return RecordedScene(by_run, urdfs, merged_samples(frames))
 
 
-def _of_run(frame: pl.DataFrame, run_id: str | None) -> pl.DataFrame:
+def _with_run(frame: pl.DataFrame, run_id: str | None) -> pl.DataFrame:
     return frame if run_id is None else frame.with_columns(pl.lit(run_id).alias("run_id"))
 
 
@@ -162,15 +162,17 @@ def _poses(part: Batch, name: str, run_id: str, tell: Tell) -> pl.DataFrame:
         values = np.ascontiguousarray(windows[part.end[whole] - _POSE_BYTES]).view("<f8")
     with np.errstate(invalid="ignore", over="ignore"):
         norm = np.linalg.norm(values[:, 3:], axis=1)
-        good = (np.abs(values[:, :3]) <= _FARTHEST_M).all(axis=1) & (norm > 1e-6) & (norm < 1e6)
-    left_out = len(part.start) - int(good.sum())
+        valid = (np.abs(values[:, :3]) <= _FARTHEST_M).all(axis=1) & (norm > 1e-6) & (norm < 1e6)
+    left_out = len(part.start) - int(valid.sum())
     if left_out:
-        which = counted(left_out, f"pose of {name!r} was left out: it is", f"poses of {name!r} were left out: they are")
-        tell(f"{which} damaged or no finite numbers")
-    values = values[good]
-    values[:, 3:] /= norm[good, None]
+        omitted = counted(
+            left_out, f"pose of {name!r} was left out: it is", f"poses of {name!r} were left out: they are"
+        )
+        tell(f"{omitted} damaged or no finite numbers")
+    values = values[valid]
+    values[:, 3:] /= norm[valid, None]
     columns = dict(zip(POSE_COLUMNS.names()[3:], values.T, strict=True))
-    frame = pl.DataFrame({"time_ns": part.publish_time[whole][good]} | columns)
+    frame = pl.DataFrame({"time_ns": part.publish_time[whole][valid]} | columns)
     return frame.select(pl.lit(run_id).alias("run_id"), pl.lit(name).alias("name"), *frame.columns)
 
 

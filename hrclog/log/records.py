@@ -27,7 +27,7 @@ PREFIX: Final = struct.Struct("<BQ")
 """Opcode and content length, which begin every record."""
 
 _CHUNK: Final = struct.Struct("<QQQI")  # start time, end time, uncompressed size, CRC
-_MAX_CHUNK: Final = 1 << 28  # decompressed; more is no log but a bomb
+_MAX_CHUNK: Final = 1 << 28  # bytes after decompression; a larger chunk is taken for a decompression bomb
 _LIKELY_CHUNK: Final = re.compile(rb"\x06[\x00-\xff]{4}\x00{4}", re.DOTALL)  # opcode, length below 4 GiB
 
 Record = tuple[int, int, int, int]
@@ -39,7 +39,7 @@ Span = tuple[bytes, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Bytes that could not be used."""
+    """A range of bytes that could not be read."""
 
     code: str
     offset: int
@@ -91,8 +91,8 @@ class Walk:
     def _skip_gap(self) -> None:
         following = next_chunk(self._data, self._position + 1, self._end, self._end)
         if following is None:
-            rest = self._end - self._position
-            text = f"the file ends inside a record; its last {counted(rest, 'byte was', 'bytes were')} ignored"
+            n_left = self._end - self._position
+            text = f"the file ends inside a record; its last {counted(n_left, 'byte was', 'bytes were')} ignored"
             self._problems.append(Problem("truncated", self._position, text))
         else:
             self._problems.append(_gap(self._position, following))
@@ -180,7 +180,7 @@ def parse(record_class: Any, data: bytes, record: Record) -> Any:  # noqa: ANN40
 
 
 class _ExactStream(ReadDataStream):
-    """A stream that does not take fewer bytes for enough."""
+    """A stream that raises if it has fewer bytes than requested."""
 
     def read(self, length: int) -> bytes:
         data = super().read(length)
@@ -202,10 +202,10 @@ def _has_valid_checksum(data: bytes, record: Record) -> bool:
 def _is_whole(data: bytes, record: Record) -> bool:
     """Return whether an attachment has its checksum."""
     try:
-        found: Attachment = parse(Attachment, data, record)
+        attachment: Attachment = parse(Attachment, data, record)
     except ValueError:
         return False
-    crc_at = record[2] + 32 + len(found.name.encode()) + len(found.media_type.encode()) + len(found.data)
+    crc_at = record[2] + 32 + len(attachment.name.encode()) + len(attachment.media_type.encode()) + len(attachment.data)
     crc = int.from_bytes(data[crc_at : crc_at + 4], "little")
     return crc in (0, zlib.crc32(data[record[2] : crc_at]))
 

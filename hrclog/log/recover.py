@@ -20,7 +20,7 @@ from hrclog.wording import counted
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """What became of a journal."""
+    """The result of a recovery."""
 
     source: Path
     path: Path
@@ -47,29 +47,29 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
         LogWriteError: the finished log cannot be written, or the journal not be removed.
     """
     target = path or finished_path(source)
-    with _locked(source) as data:
+    with _read_locked(source) as data:
         contents = read_streamed(data)
         if contents.header is None and not contents.batches:
-            found = f"a file of {counted(len(data), 'byte')} without an MCAP header"
-            raise LogReadError(source, found, "a journal with events", "0 events can be recovered; delete it")
+            description = f"a file of {counted(len(data), 'byte')} without an MCAP header"
+            raise LogReadError(source, description, "a journal with events", "0 events can be recovered; delete it")
         is_journal = source.name.endswith(PARTIAL_SUFFIX)
         n_messages = sum(len(batch.start) for batch in contents.batches)
         if not is_journal and not contents.problems and contents.finished:
             return Recovered(source, source, n_messages, [])
         if not is_journal and not n_messages:
-            found = f"a damaged log of {counted(len(data), 'byte')} without a readable message"
-            raise LogReadError(source, found, "at least one message", "nothing can be recovered from it")
+            description = f"a damaged log of {counted(len(data), 'byte')} without a readable message"
+            raise LogReadError(source, description, "at least one message", "nothing can be recovered from it")
         if exists(target):
             _check_same(target, source, contents)
         else:
             write_atomically(target, lambda writer: _copy(contents, writer))
-        _put_away(source, damaged=bool(contents.problems))
+        _remove_journal(source, damaged=bool(contents.problems))
     return Recovered(source, target, n_messages, contents.problems)
 
 
 @contextmanager
-def _locked(source: Path) -> Iterator[bytes]:
-    """Give the bytes of a file that nobody writes, and keep it locked."""
+def _read_locked(source: Path) -> Iterator[bytes]:
+    """Lock a file that no other process writes, and yield its bytes."""
     try:
         stream = source.open("rb")
     except (OSError, ValueError) as error:
@@ -77,12 +77,12 @@ def _locked(source: Path) -> Iterator[bytes]:
         raise LogReadError(source, f"a file that cannot be opened ({reason})", "a journal") from error
     with stream:
         if not lock(stream.fileno(), wait=False):
-            found, expected = "a journal that a recorder still writes", "one whose recorder has ended"
-            raise LogReadError(source, found, expected, "stop the recorder first")
+            description, expected = "a journal that a recorder still writes", "one whose recorder has ended"
+            raise LogReadError(source, description, expected, "stop the recorder first")
         yield stream.read()
 
 
-def _put_away(source: Path, *, damaged: bool) -> None:
+def _remove_journal(source: Path, *, damaged: bool) -> None:
     """Remove a journal that was read in full; keep a damaged one under a name that nothing reads."""
     if not source.name.endswith(PARTIAL_SUFFIX):
         return

@@ -22,8 +22,8 @@ _MOST_LAYOUTS: Final = 64  # beyond, messages are decoded one by one
 
 def is_signal(channel: Channel) -> bool:
     """Return whether a channel carries a scalar signal or an agent's joints, as our writers name them."""
-    ours = channel.message_encoding == channels.CDR and channel.topic.startswith("/hrc/")
-    return ours and (channel.topic.startswith("/hrc/signals/") or channel.topic.endswith(_JOINTS))
+    is_hrc_cdr = channel.message_encoding == channels.CDR and channel.topic.startswith("/hrc/")
+    return is_hrc_cdr and (channel.topic.startswith("/hrc/signals/") or channel.topic.endswith(_JOINTS))
 
 
 def decode_signals(part: Batch, channel: Channel) -> pl.DataFrame:
@@ -58,29 +58,29 @@ def _floats(part: Batch, name: str, run_id: str) -> pl.DataFrame:
 
 def _joints(part: Batch, agent: str, run_id: str) -> pl.DataFrame:
     frames = [SIGNAL_COLUMNS.to_frame().drop("run_id")]
-    rest = np.arange(len(part.start))
+    remaining = np.arange(len(part.start))
     for _ in range(_MOST_LAYOUTS):  # mostly all messages are laid out as the first one, and one turn decodes them
-        if len(rest):
-            alike = _alike(part, rest)
-            frames.append(_joint_samples(part, rest[alike], agent))
-            rest = rest[~alike]
-    frames += [_joint_samples(part, rest[at : at + 1], agent) for at in range(len(rest))]
+        if len(remaining):
+            is_same = _same_layout(part, remaining)
+            frames.append(_joint_samples(part, remaining[is_same], agent))
+            remaining = remaining[~is_same]
+    frames += [_joint_samples(part, remaining[at : at + 1], agent) for at in range(len(remaining))]
     frame = pl.concat(frames)
     return frame.select(pl.lit(run_id).alias("run_id"), *frame.columns)
 
 
-def _alike(part: Batch, rows: IntArray) -> BoolArray:
+def _same_layout(part: Batch, rows: IntArray) -> BoolArray:
     """Return which messages differ from the first one in stamp and values only, shape of `rows`."""
     first = part.data[part.start[rows[0]] : part.end[rows[0]]]
     try:
         _, begin, _ = channels.joint_names(first)
     except ValueError:
         return np.asarray(np.arange(len(rows)) == 0)
-    alike: BoolArray = part.end[rows] - part.start[rows] == len(first)
-    heads = _windows(part, rows[alike], 0, begin)
+    is_same: BoolArray = part.end[rows] - part.start[rows] == len(first)
+    heads = _windows(part, rows[is_same], 0, begin)
     heads[:, 4:12] = 0  # the stamp
-    alike[alike] = (heads == np.frombuffer(first[:4] + bytes(8) + first[12:begin], np.uint8)).all(axis=1)
-    return alike
+    is_same[is_same] = (heads == np.frombuffer(first[:4] + bytes(8) + first[12:begin], np.uint8)).all(axis=1)
+    return is_same
 
 
 def _joint_samples(part: Batch, rows: IntArray, agent: str) -> pl.DataFrame:
@@ -89,12 +89,12 @@ def _joint_samples(part: Batch, rows: IntArray, agent: str) -> pl.DataFrame:
         names, begin, count = channels.joint_names(part.data[part.start[rows[0]] : part.end[rows[0]]])
     except ValueError:
         names, begin, count = [], 0, 0
-    used = min(len(names), count)
-    values = _windows(part, rows, begin, 8 * used).view("<f8") if used else np.empty((len(rows), 0))
-    named = pl.Series([f"{agent}/{name}" for name in names[:used]], dtype=pl.String)
+    n_joints = min(len(names), count)
+    values = _windows(part, rows, begin, 8 * n_joints).view("<f8") if n_joints else np.empty((len(rows), 0))
+    named = pl.Series([f"{agent}/{name}" for name in names[:n_joints]], dtype=pl.String)
     columns = {
-        "name": named.gather(np.repeat(np.arange(used), len(rows))),
-        "time_ns": np.tile(part.publish_time[rows], used),
+        "name": named.gather(np.repeat(np.arange(n_joints), len(rows))),
+        "time_ns": np.tile(part.publish_time[rows], n_joints),
         "value": values.T.ravel(),
     }
     return pl.DataFrame(columns, schema={name: SIGNAL_COLUMNS[name] for name in columns})

@@ -31,14 +31,16 @@ def list_folder(folder: Path) -> Listing:
     """
     try:
         with os.scandir(folder) as entries:
-            found = sorted((Path(entry.path), stamp) for entry in entries if (stamp := _stamp(entry)) is not None)
+            stamps = sorted((Path(entry.path), stamp) for entry in entries if (stamp := _stamp(entry)) is not None)
     except OSError as error:
-        what = {FileNotFoundError: "nothing", NotADirectoryError: "a file"}.get(
+        description = {FileNotFoundError: "nothing", NotADirectoryError: "a file"}.get(
             type(error), f"a folder that cannot be opened ({error.strerror})"
         )
-        raise LogReadError(folder, what, "a folder into which runs are recorded", "make it, or name another") from error
-    logs = {path: stamp for path, stamp in found if not path.name.endswith(PARTIAL_SUFFIX)}
-    journals = {path: stamp for path, stamp in found if path not in logs and finished_log(path) not in logs}
+        raise LogReadError(
+            folder, description, "a folder into which runs are recorded", "make it, or name another"
+        ) from error
+    logs = {path: stamp for path, stamp in stamps if not path.name.endswith(PARTIAL_SUFFIX)}
+    journals = {path: stamp for path, stamp in stamps if path not in logs and finished_log(path) not in logs}
     return Listing(journals, logs)
 
 

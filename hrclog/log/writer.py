@@ -90,7 +90,7 @@ def write_log(path: Path, events: Iterable[Event], signals: Iterable[Signal] = (
 
     def fill(writer: FinishedWriter) -> None:
         lanes, lane_messages, facts = Lanes(), list[Message](), list[RunStarted]()
-        for event in _numbered(events):
+        for event in _number_events(events):
             writer.add(event_message(event, event.time_ns))
             lane_messages += lanes.after(event, event.time_ns)
             if isinstance(event, RunStarted):
@@ -119,7 +119,7 @@ def write_atomically(path: Path, fill: Callable[[FinishedWriter], None]) -> None
     replace_atomically(path, write)
 
 
-def _numbered(events: Iterable[Event]) -> Iterator[Event]:
+def _number_events(events: Iterable[Event]) -> Iterator[Event]:
     counts: Counter[str] = Counter()
     for event in events:
         seq = counts[event.run_id]

@@ -66,8 +66,8 @@ def schedule_of(plan: Plan, mode: DispatchMode, problem: Problem) -> Schedule:
 
 def _resources(plan: Plan, problem: Problem) -> dict[str, tuple[str, ...]]:
     """Return what each item uses, for those that use anything."""
-    used = {task.name: task.resources for task in problem.tasks if task.resources}
-    return {item.item_id: used[item.task] for item in plan.items if item.task in used}
+    by_task = {task.name: task.resources for task in problem.tasks if task.resources}
+    return {item.item_id: by_task[item.task] for item in plan.items if item.task in by_task}
 
 
 def _barriers(queues: Mapping[str, tuple[PlanItem, ...]]) -> dict[str, tuple[str, ...]]:
@@ -81,8 +81,8 @@ def _check_meetings(plan: Plan, resources: Mapping[str, tuple[str, ...]]) -> Non
         for name in resources.get(item.item_id, ()):
             other = users.setdefault((item.meet, name), item.item_id)
             if other != item.item_id:
-                found = f"items {other!r} and {item.item_id!r} meet at {item.meet!r}, but both need {name!r}"
-                raise ScenarioError(f"plan {plan.name!r}: {found}, which one at a time may use; take a label away")
+                conflict = f"items {other!r} and {item.item_id!r} meet at {item.meet!r}, but both need {name!r}"
+                raise ScenarioError(f"plan {plan.name!r}: {conflict}, which one at a time may use; take a label away")
 
 
 def _with_meetings(queues: Mapping[str, tuple[PlanItem, ...]], resources: Mapping[str, tuple[str, ...]]) -> Schedule:
@@ -100,18 +100,18 @@ def _with_meetings(queues: Mapping[str, tuple[PlanItem, ...]], resources: Mappin
     over_first: dict[str, tuple[str, ...]] = {}
     partners: dict[str, tuple[str, ...]] = {}
     shared: dict[str, PlanItem] = {}
-    together = dict(resources)
+    uses = dict(resources)
     for items in meetings.values():
         after = tuple(dict.fromkeys(other for item in items for other in item.after))
         needs = tuple(dict.fromkeys(fact for item in items for fact in item.needs))
-        used = tuple(name for item in items for name in resources.get(item.item_id, ()))
+        names = tuple(name for item in items for name in resources.get(item.item_id, ()))
         for item in items:
-            over_first[item.item_id] = tuple(before[one.item_id] for one in items if one.item_id in before)
-            partners[item.item_id] = tuple(one.item_id for one in items if one is not item)
+            over_first[item.item_id] = tuple(before[partner.item_id] for partner in items if partner.item_id in before)
+            partners[item.item_id] = tuple(partner.item_id for partner in items if partner is not item)
             shared[item.item_id] = replace(item, after=after, needs=needs)
-            together |= {item.item_id: used} if used else {}
+            uses |= {item.item_id: names} if names else {}
     joined = {agent: tuple(shared.get(item.item_id, item) for item in queue) for agent, queue in queues.items()}
-    return Schedule(joined, Rules(over_first=over_first, partners=partners, resources=together))
+    return Schedule(joined, Rules(over_first=over_first, partners=partners, resources=uses))
 
 
 def _follows(queues: Mapping[str, tuple[PlanItem, ...]], problem: Problem) -> dict[str, str]:
@@ -125,16 +125,16 @@ def _follows(queues: Mapping[str, tuple[PlanItem, ...]], problem: Problem) -> di
 
 
 def _check_waits(plan: Plan, mode: DispatchMode, schedule: Schedule) -> None:
-    known = {item.item_id for item in plan.items}
+    item_ids = {item.item_id for item in plan.items}
     sorter: TopologicalSorter[str] = TopologicalSorter()
     for queue in schedule.queues.values():
         for before, item in pairwise(queue):
             sorter.add(item.item_id, before.item_id)
         for item in queue:
-            unknown = [other for other in item.after if other not in known]
+            unknown = [other for other in item.after if other not in item_ids]
             if unknown:
-                found = f"item {item.item_id!r} waits for {unknown[0]!r}"
-                raise ScenarioError(f"plan {plan.name!r}: {found}, which is not in the plan; add or rename it")
+                wait = f"item {item.item_id!r} waits for {unknown[0]!r}"
+                raise ScenarioError(f"plan {plan.name!r}: {wait}, which is not in the plan; add or rename it")
             sorter.add(item.item_id, *item.after, *schedule.rules.over_first.get(item.item_id, ()))
     try:
         sorter.prepare()
@@ -190,7 +190,9 @@ MODES: Final[Mapping[str, ModeRecord]] = {
             "as soon as the agent is free and everything in `after` has succeeded",
             _in_order,
         ),
-        ModeRecord(DispatchMode.TIMED, "as in `sequential`, but not before its `planned_start_s`", _in_order, timed=True),
+        ModeRecord(
+            DispatchMode.TIMED, "as in `sequential`, but not before its `planned_start_s`", _in_order, timed=True
+        ),
         ModeRecord(
             DispatchMode.SYNCHRONOUS,
             "when all k-th items are over, whatever their outcome, all agents begin their (k+1)-th",

@@ -93,31 +93,31 @@ def decide(
         rules: what the mode asks for.
         under_way: the items of all agents that are dispatched, running or about to be tried again.
     """
-    left = [item for item in queue if item.item_id not in outcomes]
-    if not left:
+    remaining = [item for item in queue if item.item_id not in outcomes]
+    if not remaining:
         return Decision(Verdict.DONE)
     if busy:
-        return Decision(Verdict.WAIT, left[0])
+        return Decision(Verdict.WAIT, remaining[0])
     now = _Now(outcomes, facts, rules, under_way)
     if rules.free_order:
-        return _first_ready(left, now)
-    return _judge(left[0], now, now_s)
+        return _first_ready(remaining, now)
+    return _judge_item(remaining[0], now, now_s)
 
 
-def _judge(item: PlanItem, now: _Now, now_s: float | None = None) -> Decision:
+def _judge_item(item: PlanItem, now: _Now, now_s: float | None = None) -> Decision:
     """Return whether an item may start, taken by itself."""
     outcomes, rules = now.outcomes, now.rules
-    first = tuple(other for other in rules.over_first.get(item.item_id, ()) if other not in outcomes)
-    if first:
-        return Decision(Verdict.WAIT, item, first)
-    needed = item.after + rules.partners.get(item.item_id, ())
-    lost = tuple(other for other in needed if outcomes.get(other, Outcome.SUCCEEDED) != Outcome.SUCCEEDED)
-    if lost:
-        return Decision(Verdict.SKIP, item, lost)
-    waits = tuple(other for other in item.after if other not in outcomes)
+    before = tuple(other for other in rules.over_first.get(item.item_id, ()) if other not in outcomes)
+    if before:
+        return Decision(Verdict.WAIT, item, before)
+    required = item.after + rules.partners.get(item.item_id, ())
+    failed = tuple(other for other in required if outcomes.get(other, Outcome.SUCCEEDED) != Outcome.SUCCEEDED)
+    if failed:
+        return Decision(Verdict.SKIP, item, failed)
+    open_items = tuple(other for other in item.after if other not in outcomes)
     missing = tuple(fact for fact in item.needs if fact not in now.facts)
-    if waits or missing:
-        return Decision(Verdict.WAIT, item, waits, missing=missing)
+    if open_items or missing:
+        return Decision(Verdict.WAIT, item, open_items, missing=missing)
     if now_s is not None and item.planned_start_s is not None and now_s < item.planned_start_s:
         return Decision(Verdict.WAIT, item, not_before_s=item.planned_start_s)
     users = tuple(_users(item, now))
@@ -134,34 +134,34 @@ def _users(item: PlanItem, now: _Now) -> Iterator[str]:
                 yield other
 
 
-def _first_ready(left: Sequence[PlanItem], now: _Now) -> Decision:
+def _first_ready(remaining: Sequence[PlanItem], now: _Now) -> Decision:
     """Return the decision on the first item that is ready together with all that must follow it.
 
     Where there is none, the first of the queue may still go: a plan's own order is always possible.
     """
     follows = now.rules.follows
-    for item in left:
+    for item in remaining:
         if follows.get(item.item_id) in now.outcomes:
-            return _judge(item, now)  # what it must follow is over: nothing may come in between
-    heads = [_judge(item, now) for item in left if item.item_id not in follows]
+            return _judge_item(item, now)  # its predecessor is over: nothing may come in between
+    heads = [_judge_item(item, now) for item in remaining if item.item_id not in follows]
     for decision in heads:
         if decision.verdict is Verdict.SKIP:
             return decision
     for decision in heads:
-        if decision.verdict is Verdict.START and _ready_throughout(decision.item, left, now):
+        if decision.verdict is Verdict.START and _ready_throughout(decision.item, remaining, now):
             return decision
     return heads[0]
 
 
-def _ready_throughout(head: PlanItem | None, left: Sequence[PlanItem], now: _Now) -> bool:
+def _ready_throughout(head: PlanItem | None, remaining: Sequence[PlanItem], now: _Now) -> bool:
     """Return whether all that must follow an item at once waits for nothing but the item."""
-    chain = list(_chain(head, left, now.rules))
-    then = replace(now, outcomes={**now.outcomes, **{item.item_id: Outcome.SUCCEEDED for item in chain}})
-    return all(_judge(item, then).verdict is Verdict.START for item in chain[1:])
+    chain = list(_chain(head, remaining, now.rules))
+    moment_after = replace(now, outcomes={**now.outcomes, **{item.item_id: Outcome.SUCCEEDED for item in chain}})
+    return all(_judge_item(item, moment_after).verdict is Verdict.START for item in chain[1:])
 
 
-def _chain(head: PlanItem | None, left: Sequence[PlanItem], rules: Rules) -> Iterator[PlanItem]:
+def _chain(head: PlanItem | None, remaining: Sequence[PlanItem], rules: Rules) -> Iterator[PlanItem]:
     while head is not None:
         yield head
-        at = head.item_id
-        head = next((item for item in left if rules.follows.get(item.item_id) == at), None)
+        item_id = head.item_id
+        head = next((item for item in remaining if rules.follows.get(item.item_id) == item_id), None)

@@ -32,14 +32,14 @@ class Ledger:
         """Return whether an agent may do a task now."""
         if self.due(agent) not in (None, task):
             return False
-        return all(self._kept(rule, agent) for rule in self._rules.get(task, ()))
+        return all(self._is_kept(rule, agent) for rule in self._rules.get(task, ()))
 
     def why_not(self, agent: str, task: str) -> str:
         """Return why an agent may not do a task now, "" if it may."""
         if self.due(agent) not in (None, task):
             return f"before {self.due(agent)!r}"
         for rule in self._rules.get(task, ()):
-            if not self._kept(rule, agent):
+            if not self._is_kept(rule, agent):
                 return f"without {rule.before!r} before it ({rule.kind})"
         return ""
 
@@ -54,7 +54,7 @@ class Ledger:
             self._open[agent] = (self._followers[task], item_id)
         return tuple(waits)
 
-    def _kept(self, rule: Precedence, agent: str) -> bool:
+    def _is_kept(self, rule: Precedence, agent: str) -> bool:
         if rule.kind is PrecedenceKind.NEXT:
             return self.due(agent) == rule.after
         done = len(self._done[rule.before])

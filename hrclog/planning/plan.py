@@ -142,7 +142,7 @@ def check_plan(problem: Problem, plan: Plan) -> None:
     _check_counts(problem, plan.orders(), plan.name)
     _check_meets(plan.items, f"plan {plan.name!r}")
     for precedence in problem.precedences:
-        for item in _unkept(plan, precedence):
+        for item in _items_breaking(plan, precedence):
             rule = f"{precedence.before} -> {precedence.after} ({precedence.kind})"
             raise ScenarioError(f"plan {plan.name!r}: item {item.item_id!r} breaks the precedence {rule}; reorder it")
     _check_releases(problem, plan)
@@ -219,8 +219,8 @@ def plan_from_json(record: JsonRecord) -> Plan:
     for index, item in enumerate(items):
         missing = [other for other in item.after if other not in seen]
         if missing or item.item_id in seen:
-            found = f"waits for {missing[0]!r}, which does not come before it" if missing else "has an id used before"
-            raise ScenarioError(f"{record.where}: items[{index}] {item.item_id!r} {found}; reorder or rename it")
+            fault = f"waits for {missing[0]!r}, which does not come before it" if missing else "has an id used before"
+            raise ScenarioError(f"{record.where}: items[{index}] {item.item_id!r} {fault}; reorder or rename it")
         seen.add(item.item_id)
     _check_meets(items, record.where)
     arrivals = record.records("arrivals", ("fact", "at_s"), required=False)
@@ -268,14 +268,16 @@ def _item_from_json(entry: JsonRecord) -> PlanItem:
 
 
 def _check_meets(items: Sequence[PlanItem], where: str) -> None:
-    met: dict[str, list[str]] = {}
+    agents_by_label: dict[str, list[str]] = {}
     for item in items:
         if item.meet:
-            met.setdefault(item.meet, []).append(item.agent)
-    for label, agents in met.items():
+            agents_by_label.setdefault(item.meet, []).append(item.agent)
+    for label, agents in agents_by_label.items():
         if len(set(agents)) < max(len(agents), 2):
-            found = f"meet {label!r} stands at items of {', '.join(map(repr, agents))}"
-            raise ScenarioError(f"{where}: {found}, expected one item each of two or more agents; rename the label")
+            items_text = f"meet {label!r} stands at items of {', '.join(map(repr, agents))}"
+            raise ScenarioError(
+                f"{where}: {items_text}, expected one item each of two or more agents; rename the label"
+            )
 
 
 def _releases(problem: Problem, tasks: Collection[str]) -> tuple[Arrival, ...]:
@@ -288,9 +290,9 @@ def _check_releases(problem: Problem, plan: Plan) -> None:
     for expected in _releases(problem, {item.task for item in plan.items}):
         arrival_s = min((arrival.at_s for arrival in plan.arrivals if arrival.fact == expected.fact), default=None)
         if arrival_s is None or arrival_s < expected.at_s:
-            found = "never arrives" if arrival_s is None else f"arrives at {arrival_s:g} s"
+            arrival_text = "never arrives" if arrival_s is None else f"arrives at {arrival_s:g} s"
             remedy = f"let it arrive at {expected.at_s:g} s, the task's release_s"
-            raise ScenarioError(f"plan {plan.name!r}: fact {expected.fact!r} {found}; {remedy}")
+            raise ScenarioError(f"plan {plan.name!r}: fact {expected.fact!r} {arrival_text}; {remedy}")
     for item in plan.items:
         fact = released(item.task)
         if problem.task(item.task).release_s and fact not in item.needs:
@@ -306,31 +308,33 @@ def _check_counts(problem: Problem, orders: Mapping[str, Sequence[str]], name: s
                 domain = ", ".join(problem.task(task).agents)
                 raise ScenarioError(f"plan {name!r}: {agent!r} cannot do {task!r}, only {domain} can; move it")
     for task in (task.name for task in problem.tasks):
-        found = sum(list(tasks).count(task) for tasks in orders.values())
+        n_done = sum(list(tasks).count(task) for tasks in orders.values())
         expected = problem.total(task)
-        if found != expected and not problem.is_extra(task):
+        if n_done != expected and not problem.is_extra(task):
             raise ScenarioError(
-                f"plan {name!r}: {task!r} is done {counted(found, 'time')}, expected {expected}; add or remove some"
+                f"plan {name!r}: {task!r} is done {counted(n_done, 'time')}, expected {expected}; add or remove some"
             )
     for count in problem.counts:
-        found = list(orders.get(count.agent, ())).count(count.task)
-        if count.agent and found < count.count:
-            text = f"{count.agent!r} does {count.task!r} {counted(found, 'time')}, expected {count.count}"
+        n_done = list(orders.get(count.agent, ())).count(count.task)
+        if count.agent and n_done < count.count:
+            text = f"{count.agent!r} does {count.task!r} {counted(n_done, 'time')}, expected {count.count}"
             raise ScenarioError(f"plan {name!r}: {text}; add or remove some")
 
 
-def _unkept(plan: Plan, precedence: Precedence) -> Iterator[PlanItem]:
-    """Yield the items that do not wait for what a precedence asks for."""
-    left = {item.item_id: item for item in plan.items if item.task == precedence.before}
+def _items_breaking(plan: Plan, precedence: Precedence) -> Iterator[PlanItem]:
+    """Yield the items that do not wait as a precedence requires."""
+    open_items = {item.item_id: item for item in plan.items if item.task == precedence.before}
     for item in (item for item in plan.items if item.task == precedence.after):
-        waits = [other for other in item.after if other in left]
+        waits = [other for other in item.after if other in open_items]
         if precedence.kind is PrecedenceKind.ALL:
-            kept = len(waits) == len(left)
+            is_kept = len(waits) == len(open_items)
         else:
-            kept = any(precedence.kind is PrecedenceKind.EACH or _right_after(plan, left[w], item) for w in waits)
+            is_kept = any(
+                precedence.kind is PrecedenceKind.EACH or _right_after(plan, open_items[w], item) for w in waits
+            )
             for other in waits[:1]:
-                del left[other]
-        if not kept:
+                del open_items[other]
+        if not is_kept:
             yield item
 
 

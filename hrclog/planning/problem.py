@@ -264,8 +264,8 @@ def _check_count(problem: Problem, count: Count) -> None:
 
 def _check_targets(problem: Problem, task: Task) -> None:
     if task.targets and problem.total(task.name) > len(task.targets):
-        found = f"{counted(problem.total(task.name), 'execution')} for {counted(len(task.targets), 'target')}"
-        raise ScenarioError(f"task {task.name!r}: {found}; lower its counts or add targets")
+        counts_text = f"{counted(problem.total(task.name), 'execution')} for {counted(len(task.targets), 'target')}"
+        raise ScenarioError(f"task {task.name!r}: {counts_text}; lower its counts or add targets")
 
 
 def _check_precedence(problem: Problem, p: Precedence) -> None:
@@ -274,8 +274,10 @@ def _check_precedence(problem: Problem, p: Precedence) -> None:
     if p.kind is PrecedenceKind.NEXT:
         _check_next(problem, p)
     elif p.kind is PrecedenceKind.EACH and problem.total(p.before) < problem.total(p.after):
-        found = f"{problem.total(p.before)} and {problem.total(p.after)}"
-        raise ScenarioError(f"{_name(p)}: each waits for one of its own, so at least as many before; found {found}")
+        counts_text = f"{problem.total(p.before)} and {problem.total(p.after)}"
+        raise ScenarioError(
+            f"{_name(p)}: each waits for one of its own, so at least as many before; found {counts_text}"
+        )
 
 
 def _check_next(problem: Problem, p: Precedence) -> None:
@@ -287,8 +289,8 @@ def _check_next(problem: Problem, p: Precedence) -> None:
     )
     if before != after:
         agent = min((set(before) | set(after)), key=lambda a: (before.get(a) == after.get(a), a))
-        found = f"{before.get(agent, 0)} and {after.get(agent, 0)}"
-        raise ScenarioError(f"{_name(p)}: {agent or 'any agent'} must do both equally often, found {found}")
+        counts_text = f"{before.get(agent, 0)} and {after.get(agent, 0)}"
+        raise ScenarioError(f"{_name(p)}: {agent or 'any agent'} must do both equally often, found {counts_text}")
 
 
 def _check_cycles(problem: Problem) -> None:
@@ -319,11 +321,15 @@ def _check_dues(problem: Problem) -> None:
     latest: dict[str, Task] = {}  # of all that comes before a task and itself, the one released last
     for name in TopologicalSorter(before).static_order():
         task = counted[name]
-        first = max((latest[other] for other in sorted(before[name])), key=lambda t: t.release_s, default=task)
-        latest[name] = first if first.release_s > task.release_s else task
+        last_released = max((latest[other] for other in sorted(before[name])), key=lambda t: t.release_s, default=task)
+        latest[name] = last_released if last_released.release_s > task.release_s else task
         if task.due_s is not None and task.due_s <= latest[name].release_s:
-            found = f"it comes after {latest[name].name!r}, which is released at {latest[name].release_s:g} s only"
-            raise ScenarioError(f"task {name!r}: due_s: found {task.due_s:g}, but {found}; change one of the two")
+            release_text = (
+                f"it comes after {latest[name].name!r}, which is released at {latest[name].release_s:g} s only"
+            )
+            raise ScenarioError(
+                f"task {name!r}: due_s: found {task.due_s:g}, but {release_text}; change one of the two"
+            )
 
 
 def _name(p: Precedence) -> str:

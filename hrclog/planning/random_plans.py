@@ -34,17 +34,17 @@ def random_plans(problem: Problem, seed: int | str) -> Iterator[Plan]:
         ScenarioError: no order was found in which every agent gets to the end.
     """
     source = random.Random(f"plans:{seed}")  # noqa: S311 - reproducible simulation, no cryptography
-    found: set[tuple[tuple[str, ...], ...]] = set()
+    keys: set[tuple[tuple[str, ...], ...]] = set()
     misses = 0
-    while misses < 100 + 10 * len(found):
+    while misses < 100 + 10 * len(keys):
         orders = random_orders(problem, source)
         key = tuple(orders[agent] for agent in problem.agents)
-        if key in found:
+        if key in keys:
             misses += 1
             continue
-        found.add(key)
+        keys.add(key)
         misses = 0
-        yield make_plan(problem, orders, f"plan-{len(found):03d}")
+        yield make_plan(problem, orders, f"plan-{len(keys):03d}")
 
 
 def distinct_plans(problem: Problem, count: int, seed: int | str) -> list[Plan]:
@@ -85,7 +85,7 @@ def _try(problem: Problem, source: random.Random, attempts: int) -> Orders | Non
     """Return orders that are possible, None if none of so many is."""
     units = problem.units()
     for _ in range(attempts):
-        orders = _draw(problem, [(pick(unit.agents, source), unit) for unit in units], source)
+        orders = _draw_orders(problem, [(pick(unit.agents, source), unit) for unit in units], source)
         if orders is not None:
             return orders
     return None
@@ -117,54 +117,54 @@ def random_rest(
         units: the work that is left, each as often as it is to be done.
         source: only its `random()` is used.
     """
-    dealt = [(pick(unit.agents, source), unit) for unit in units]
+    assignments = [(pick(unit.agents, source), unit) for unit in units]
     try:
-        return _draw(problem, dealt, source, begun)
-    except ScenarioError:  # what comes first cannot be done without some of the rest
+        return _draw_orders(problem, assignments, source, begun)
+    except ScenarioError:  # the first tasks need some of the remaining ones
         return None
 
 
-def _draw(
+def _draw_orders(
     problem: Problem,
-    dealt: Iterable[tuple[str, Unit]],
+    assignments: Iterable[tuple[str, Unit]],
     source: random.Random,
     begun: Mapping[str, Sequence[str]] | None = None,
 ) -> Orders | None:
-    left: dict[str, Counter[str]] = {agent: Counter() for agent in problem.agents}
-    for agent, unit in dealt:
-        left[agent].update(unit.tasks)
+    remaining: dict[str, Counter[str]] = {agent: Counter() for agent in problem.agents}
+    for agent, unit in assignments:
+        remaining[agent].update(unit.tasks)
     orders: dict[str, list[str]] = {agent: [] for agent in problem.agents}
     ledger = Ledger(problem)
     for agent, place in possible_sequence(problem, begun or {}, "what comes first"):
         task = (begun or {})[agent][place]
         ledger.do(agent, str(place), task)
         orders[agent].append(task)
-    for _ in range(sum(counts.total() for counts in left.values())):
-        agent, ready = _turn(ledger, left, source)
+    for _ in range(sum(counts.total() for counts in remaining.values())):
+        agent, ready = _pick_turn(ledger, remaining, source)
         if not ready:
             return None
         task = pick(ready, source)
         ledger.do(agent, str(len(orders[agent])), task)
         orders[agent].append(task)
-        left[agent][task] -= 1
+        remaining[agent][task] -= 1
     return {agent: tuple(tasks) for agent, tasks in orders.items()}
 
 
-def _turn(ledger: Ledger, left: dict[str, Counter[str]], source: random.Random) -> tuple[str, list[str]]:
+def _pick_turn(ledger: Ledger, remaining: dict[str, Counter[str]], source: random.Random) -> tuple[str, list[str]]:
     """Return one of the agents that can go on, each equally likely, and what it can do; "" and [] if none can."""
-    agents = list(left)
+    agents = list(remaining)
     while agents:
         agent = pick(agents, source)
-        ready = _ready(ledger, agent, left[agent])
+        ready = _ready_tasks(ledger, agent, remaining[agent])
         if ready:
             return agent, ready
         agents.remove(agent)
     return "", []
 
 
-def _ready(ledger: Ledger, agent: str, left: Counter[str]) -> list[str]:
+def _ready_tasks(ledger: Ledger, agent: str, remaining: Counter[str]) -> list[str]:
     """Return each ready task as often as it is left."""
     due = ledger.due(agent)
     if due is not None:
         return [due] if ledger.ready(agent, due) else []
-    return [task for task, count in left.items() if count and ledger.ready(agent, task) for _ in range(count)]
+    return [task for task, count in remaining.items() if count and ledger.ready(agent, task) for _ in range(count)]
