@@ -73,9 +73,8 @@ def _describe_value(value: object, kind: FrameKind) -> str:
     package = type(value).__module__.partition(".")[0]
     if package == "pandas":
         return f"a pandas {type(value).__name__} (polars.from_pandas makes a DataFrame)"
-    holds_frame = isinstance(
-        getattr(value, kind.name, None), pl.DataFrame
-    )  # logs hold events, an analysis intervals too
+    # logs hold events, an analysis holds intervals too
+    holds_frame = isinstance(getattr(value, kind.name, None), pl.DataFrame)
     return f"a value of type {type(value).__name__}{f' (its .{kind.name} is such a frame)' if holds_frame else ''}"
 
 
