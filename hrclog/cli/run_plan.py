@@ -154,15 +154,15 @@ def _execute_live(prepared: Prepared, options: RunOptions, path: Path, number: i
         events.append(event)
         _print_event(event)
 
-    nobody_simulated = set(prepared.ways) >= set(prepared.scenario.problem.agents)
     setup = RunSetup(
         plan=prepared.plan,
         problem=prepared.scenario.problem,
         policy=prepared.policy,
-        seed=None if nobody_simulated else options.seed,
-        software={} if nobody_simulated else {"engine": cell.name},
+        seed=options.seed,
+        software={"engine": cell.name},
         replan=prepared.replan,
     )
+    nobody_simulated = set(prepared.ways) >= set(prepared.scenario.problem.agents)
     outcome, reason = run_live(
         path,
         setup,
