@@ -1,4 +1,4 @@
-"""Put the steps together: logs in, a result out."""
+"""Run all steps of an analysis, from logs to a result."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ def analyze(
         estimator: aft, bayes, ols or paper, one that was registered, or `package.module:NAME`.
         outliers: none or isolation-forest.
         on_file: called after each file, for progress.
-        bootstrap: how many times to draw the runs anew for errors and intervals of synergies; 0 keeps the estimator's.
-        seed: of those draws.
-        workers: processes for them.
-        on_draws: told how many further draws are done, for progress.
+        bootstrap: how often to resample the runs for errors and intervals of synergies; 0 keeps the estimator's.
+        seed: of the resampling.
+        workers: processes for the resampling.
+        on_draws: called with the number of further draws done, for progress.
 
     Raises:
         PluginError: the estimator or outlier method is not known.
         EstimatorError: the estimator failed, or returned no fit.
         LogReadError: nothing matched, or no file could be read.
     """
-    names = _checked(estimator, outliers)  # before the logs are read
+    names = _check_names(estimator, outliers)  # before the logs are read
     return analyze_logs(
         read_logs([paths] if isinstance(paths, str | Path) else paths, signals=True, on_file=on_file),
         *names,
@@ -69,28 +69,28 @@ def analyze_logs(
     workers: int = 1,
     on_draws: Callable[[int], None] = lambda _: None,
 ) -> Analysis:
-    """Analyse what was read; arguments as those of `analyze`."""
+    """Analyse logs that were read; the arguments are those of `analyze`."""
     executions, illegal = rebuild(logs.events)
-    found = overlaps(executions)
+    overlap_rows = overlaps(executions)
     table = runs(logs.events, executions)
     observations = observe(executions)
-    made_by = ESTIMATORS[estimator]
-    fit = estimate(made_by, observations, outliers)
+    chosen_estimator = ESTIMATORS[estimator]
+    fit = estimate(chosen_estimator, observations, outliers)
     if bootstrap:
-        fit = with_bootstrap(fit, observations, made_by, outliers, bootstrap, seed, workers, on_draws)
-    lints = [*lint(logs.events, executions, found, table), *impossible_factors(fit.synergies)]
+        fit = with_bootstrap(fit, observations, chosen_estimator, outliers, bootstrap, seed, workers, on_draws)
+    lints = [*lint(logs.events, executions, overlap_rows, table), *impossible_factors(fit.synergies)]
     return Analysis(
         events=logs.events,
         signals=logs.signals,
         intervals=executions,
-        overlaps=found,
-        pair_overlaps=pair_overlaps(executions, found),
+        overlaps=overlap_rows,
+        pair_overlaps=pair_overlaps(executions, overlap_rows),
         durations=durations(executions),
         synergies=fit.synergies,
         runs=table,
         metrics=metrics(executions, logs.events, logs.signals),
         diagnostics=[*logs.diagnostics, *illegal, *lints],
-        estimator=made_by.name,
+        estimator=chosen_estimator.name,
         outliers=outliers,
         bootstrap=bootstrap,
         observations=observations,
@@ -99,7 +99,7 @@ def analyze_logs(
     )
 
 
-def _checked(estimator: str, outliers: str) -> tuple[str, str]:
+def _check_names(estimator: str, outliers: str) -> tuple[str, str]:
     """Return the names under which an estimator and an outlier method are known.
 
     Raises:

@@ -34,7 +34,7 @@ TABLES: Final = (
 )
 
 MOST_RECORDINGS: Final = 200
-"""How many runs get a recording of their own, unless it is asked otherwise."""
+"""How many runs get their own recording, unless the caller asks for another number."""
 
 _LONGEST_NAME: Final = 100  # bytes, of the 255 that file systems take
 _HASH_STEP: Final = 8
@@ -48,19 +48,19 @@ def save(
 ) -> None:
     """Write JSON, tables, the campaign's recording and recordings of single runs.
 
-    Recordings that an earlier analysis left in the same folder and that this one does not write are removed.
+    Recordings of an earlier analysis in the same folder are removed if this one does not write them.
 
     Args:
         analysis: what to write.
-        folder: made where it is missing.
+        folder: created if it is missing.
         on_step: called after each recording, for progress.
-        most_recordings: of single runs, None for all; beyond it those of `drawn_runs`.
+        most_recordings: of single runs, None for all. If there are more runs, `drawn_runs` selects them.
 
     Raises:
         OutputError: the folder cannot be written.
     """
-    drawn = set(drawn_runs(analysis.runs, most_recordings))
-    names = {run: name for run, name in recording_names(analysis.runs).items() if run in drawn}
+    drawn_ids = set(drawn_runs(analysis.runs, most_recordings))
+    names = {run: name for run, name in recording_names(analysis.runs).items() if run in drawn_ids}
     try:
         (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
         _remove_stale(folder, set(names.values()))
@@ -91,7 +91,7 @@ def drawn_runs(runs: pl.DataFrame, most: int | None) -> list[str]:
 
 
 def check_writable(folder: Path) -> None:
-    """Raise before the work rather than after it, if a folder cannot take the results.
+    """Raise before the work, rather than after it, if the results cannot be written to a folder.
 
     Raises:
         OutputError: the folder cannot be made or written.
@@ -104,16 +104,16 @@ def check_writable(folder: Path) -> None:
 
 
 def recording_names(runs: pl.DataFrame) -> dict[str, str]:
-    """Return run_id -> file name: the run's name, made safe, with a hash of its id where two would be one file.
+    """Return run_id -> file name: the run's name, made safe, with a hash of its id if two names would be one file.
 
     The names do not depend on the order of the runs.
     """
     stems = {run: _stem(name) for run, name in runs.select("run_id", "name").iter_rows()}
     lengths = dict.fromkeys(stems, 0)
     names = stems
-    while alike := _alike(names):  # a name with a hash may be the name of another run
+    while alike := _find_alike(names):  # a name with a hash may be the name of another run
         lengths |= {run: lengths[run] + _HASH_STEP for run in alike}
-        names = {run: _hashed(stem, run, lengths[run]) for run, stem in stems.items()}
+        names = {run: _append_hash(stem, run, lengths[run]) for run, stem in stems.items()}
     return {run: f"{name}.rrd" for run, name in names.items()}
 
 
@@ -122,18 +122,18 @@ def _stem(name: str) -> str:
     return file_stem(name, _LONGEST_NAME) or "run"
 
 
-def _hashed(stem: str, run_id: str, length: int) -> str:
+def _append_hash(stem: str, run_id: str, length: int) -> str:
     return f"{stem}-{hashlib.sha256(run_id.encode()).hexdigest()[:length]}" if length else stem
 
 
-def _alike(names: dict[str, str]) -> list[str]:
-    """Return the runs whose names some file systems would not tell apart from another's."""
-    folded = {run: _folded(name) for run, name in names.items()}
+def _find_alike(names: dict[str, str]) -> list[str]:
+    """Return the runs whose names some file systems cannot distinguish from another name."""
+    folded = {run: _fold_name(name) for run, name in names.items()}
     counts = Counter(folded.values())
     return [run for run, name in folded.items() if counts[name] > 1]
 
 
-def _folded(name: str) -> str:
+def _fold_name(name: str) -> str:
     return unicodedata.normalize("NFD", unicodedata.normalize("NFD", name).casefold())
 
 

@@ -1,4 +1,4 @@
-"""The result of an analysis: every frame of a set of runs, and the ways to show it."""
+"""The result of an analysis: all frames of a set of runs, and the ways to show them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ANALYSIS_VERSION: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """What is known of a set of runs; the frames' columns are in `hrclog.analyzers.projections.schemas`."""
+    """The result for a set of runs. `hrclog.analyzers.projections.schemas` has the frames' columns."""
 
     events: pl.DataFrame
     signals: pl.DataFrame
@@ -46,14 +46,16 @@ class Analysis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""
-        of_run = nested(self.metrics)
+        metrics_by_run = nested(self.metrics)
         return {
             "schema_version": ANALYSIS_VERSION,
             "hrclog_version": __version__,
             "estimator": self.estimator,
             "outliers": self.outliers,
             "bootstrap": self.bootstrap,
-            "runs": [row | {"metrics": of_run.get(row["run_id"], {})} for row in self.runs.iter_rows(named=True)],
+            "runs": [
+                row | {"metrics": metrics_by_run.get(row["run_id"], {})} for row in self.runs.iter_rows(named=True)
+            ],
             "durations": self.durations.to_dicts(),
             "synergies": self.synergies.to_dicts(),
             "overlaps": self.pair_overlaps.to_dicts(),
@@ -102,7 +104,7 @@ class Analysis:
         save_run(self.run_figures(run_id), Path(path))
 
     def to_report(self, path: str | Path, *, runs: int = 4, title: str = "") -> None:
-        """Write one HTML file that shows and explains everything, and needs nothing else.
+        """Write one self-contained HTML file that shows and explains everything.
 
         Args:
             path: of the file.

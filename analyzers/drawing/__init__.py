@@ -40,7 +40,7 @@ _LOCK: Final = threading.Lock()  # settings of matplotlib are shared by all thre
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """A plot drawn.
+    """A drawn plot.
 
     Attributes:
         pixels: shape (height, width, 3), RGB.
@@ -51,23 +51,23 @@ class Picture:
     area: tuple[float, float, float, float]
 
     def at(self, plot: Plot, point: Point) -> tuple[float, float]:
-        """Return the px of a point of the plot that is drawn here."""
+        """Return the px of a point of the plot in this picture."""
         left, top, right, bottom = self.area
         return float(Scale(plot.x, left, right).at(point[0])), float(Scale(plot.y, bottom, top).at(point[1]))
 
 
 def pixels(plot: Plot, theme: Mapping[Role, Color] = DARK) -> Picture:
-    """Return the picture of a plot with its title, how to read it and its notes."""
+    """Return the picture of a plot with its title, reading and notes."""
     with _settings():
         layout = lay_out(plot, captions=True)
         canvas = FigureCanvasAgg(_figure(layout, _inks(theme), _FILE_DPI, theme["card"]))
         canvas.draw()  # type: ignore[no-untyped-call]  # its stub is bare
-        drawn = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]  # its stub is bare
-        return Picture(drawn[:, :, :3].copy(), layout.frame.area)
+        rgba = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]  # its stub is bare
+        return Picture(rgba[:, :, :3].copy(), layout.frame.area)
 
 
 def svg(plot: Plot) -> str:
-    """Return an <svg> element to stand in HTML: no captions, and each role of the theme is a CSS variable."""
+    """Return an <svg> element for HTML: without captions, and with a CSS variable for each role of the theme."""
     with _settings():
         layout = lay_out(plot, captions=False)
         theme = stand_ins(plot)
@@ -76,7 +76,7 @@ def svg(plot: Plot) -> str:
 
 
 def save_png(plot: Plot, path: Path) -> None:
-    """Write a plot for a paper: light, 300 dots per inch, no captions.
+    """Write a plot for a paper: light theme, 300 dots per inch, no captions.
 
     Raises:
         OutputError: the file cannot be written.
@@ -89,7 +89,7 @@ def save_png(plot: Plot, path: Path) -> None:
 
 
 def save_svg(plot: Plot, path: Path) -> None:
-    """Write a plot for a paper: light, no captions, text as text.
+    """Write a plot for a paper: light theme, no captions, text as text.
 
     Raises:
         OutputError: the file cannot be written.
@@ -101,7 +101,7 @@ def save_svg(plot: Plot, path: Path) -> None:
 
 
 def save_pdf(plots: Sequence[Plot], path: Path) -> None:
-    """Write plots (at least one) for a paper: light, a page for each, as large as its picture with captions.
+    """Write plots (at least one) for a paper: light theme, one page per plot, as large as the picture with captions.
 
     Raises:
         OutputError: the file cannot be written.
@@ -122,7 +122,7 @@ def _svg(layout: Layout, theme: Mapping[Role, Color]) -> str:
 
 def _figure(layout: Layout, inks: Inks, per_inch: float, ground: Color | None) -> Figure:
     """Return a figure in which a px is 1 / `per_inch` of an inch."""
-    # matplotlib cuts off the px that a whole number of them falls short of itself in inches
+    # matplotlib rounds down: a size in inches just below a whole number of px would lose a px
     size = (math.nextafter(layout.width / per_inch, math.inf), math.nextafter(layout.height / per_inch, math.inf))
     figure = Figure(figsize=size, dpi=per_inch, frameon=ground is not None)
     if ground is not None:
@@ -145,7 +145,7 @@ def _rgb(color: Color) -> tuple[float, float, float]:
 
 @contextmanager
 def _settings() -> Iterator[None]:
-    """Draw by the same settings wherever, and leave those of the user as they were."""
+    """Draw with the same settings everywhere, and restore those of the user."""
     fonts = logging.getLogger("matplotlib.font_manager")
     level = fonts.level
     with _LOCK, mpl.rc_context(), warnings.catch_warnings():
@@ -153,7 +153,7 @@ def _settings() -> Iterator[None]:
         mpl.rc("pdf", fonttype=42)
         mpl.rc("svg", fonttype="none", hashsalt="hrclog")
         mpl.rc("text", hinting="no_hinting")  # widths are the same at each size
-        # what no font has is drawn as a box, and what has no bold letters, in plain ones
+        # a character that no font has is drawn as a box; one without a bold form is drawn in plain letters
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         fonts.setLevel(logging.ERROR)
         try:

@@ -1,4 +1,4 @@
-"""Fonts that have the characters of a text, and how wide it is in them."""
+"""Fonts that have the characters of a text, and the width of a text in them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from PIL import ImageFont
 from hrclog.analyzers.figures.text import beginning, ending, printable, shorten, shorten_apart
 
 LINE: Final = 1.3
-"""The height of a line, in sizes of its text."""
+"""The height of a line, in multiples of its text size."""
 RISE: Final = 0.36
-"""How far the middle of a line lies above its baseline, in sizes of its text."""
+"""How far the middle of a line lies above its baseline, in multiples of its text size."""
 
 _FIRST: Final = "DejaVu Sans"  # matplotlib carries it
-# families and the files that each is found by; none is required
+# families and the files that contain them; none is required
 _WIDER: Final = {
     "Noto Sans CJK SC": ("NotoSansCJK-Regular.ttc", "NotoSansCJK-Bold.ttc"),
     "Noto Sans": ("NotoSans-Regular.ttf", "NotoSans-Bold.ttf"),
@@ -38,18 +38,18 @@ _FEWEST: Final = 8  # characters in which names can be kept apart
 
 
 def legal(text: str) -> str:
-    """Return the printable text of one or more lines, less two characters that XML forbids."""
+    """Return the printable text of one or more lines, without two characters that XML forbids."""
     return "\n".join(map(one_line, text.splitlines()))
 
 
 def one_line(text: str) -> str:
-    """Return the printable text, less two characters that XML forbids."""
+    """Return the printable text, without two characters that XML forbids."""
     return printable(text.translate(_FORBIDDEN))
 
 
 @lru_cache(maxsize=256)
 def font(points: float, *, bold: bool, wide: bool) -> FontProperties:
-    """Return the font of a size; a `wide` one looks for each glyph in the system's fonts too."""
+    """Return the font of a size. A `wide` font also searches the system's fonts for each glyph."""
     return FontProperties(
         family=list(_families() if wide else (_FIRST,)), size=points, weight="bold" if bold else "normal"
     )
@@ -58,62 +58,62 @@ def font(points: float, *, bold: bool, wide: bool) -> FontProperties:
 @lru_cache(maxsize=20_000)
 def is_wide(text: str) -> bool:
     """Tell whether a text has characters that DejaVu Sans lacks."""
-    return not text.isascii() and any(not _plain().get_char_index(ord(char)) for char in text)
+    return not text.isascii() and any(not _plain_font().get_char_index(ord(char)) for char in text)
 
 
 @lru_cache(maxsize=1)
-def _plain() -> FT2Font:
+def _plain_font() -> FT2Font:
     return get_font(findfont(font(_MEASURED, bold=False, wide=False)))
 
 
 def text_width(text: str, size: float, *, bold: bool = False) -> float:
     """Return the width of a line in px."""
-    return _measured(text, bold=bold)[0] * size
+    return _measure(text, bold=bold)[0] * size
 
 
 def text_reach(text: str, size: float, *, bold: bool = False) -> tuple[float, float]:
-    """Return the px that a line takes above and below its middle: half a line's height, or more for tall signs."""
-    _, above, below = _measured(text, bold=bold)
+    """Return the px of a line above and below its middle: half a line's height, or more for tall characters."""
+    _, above, below = _measure(text, bold=bold)
     return max(LINE / 2, above - RISE) * size, max(LINE / 2, below + RISE) * size
 
 
 @lru_cache(maxsize=20_000)
-def _measured(text: str, *, bold: bool) -> tuple[float, float, float]:
-    """Return the width of a line and how far it reaches above and below its baseline, in sizes."""
-    written = font(_MEASURED, bold=bold, wide=is_wide(text))
-    width, height, below = text_to_path.get_text_width_height_descent(text, written, ismath=False)
+def _measure(text: str, *, bold: bool) -> tuple[float, float, float]:
+    """Return the width of a line and its reach above and below the baseline, in multiples of its size."""
+    font_properties = font(_MEASURED, bold=bold, wide=is_wide(text))
+    width, height, below = text_to_path.get_text_width_height_descent(text, font_properties, ismath=False)
     return width / _MEASURED, (height - below) / _MEASURED, below / _MEASURED
 
 
 def fitted(text: str, size: float, room: float, cut: Callable[[str, int], str] = shorten) -> str:
-    """Return the printable text, as much of it left out as `room` px ask for: by default of its middle."""
-    shown = one_line(text)
-    if text_width(shown, size) <= room:
-        return shown
-    low, high = 1, len(shown)
+    """Return the printable text cut to `room` px, by default at its middle."""
+    whole = one_line(text)
+    if text_width(whole, size) <= room:
+        return whole
+    low, high = 1, len(whole)
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if text_width(cut(shown, middle), size) <= room else (low, middle)
-    return cut(shown, low)
+        low, high = (middle, high) if text_width(cut(whole, middle), size) <= room else (low, middle)
+    return cut(whole, low)
 
 
 def fitted_all(texts: Sequence[str], size: float, room: float) -> list[str]:
-    """Return the texts cut to `room` px at their middle, beginning or end, whichever tells all of them apart.
+    """Return the texts cut to `room` px at their middle, beginning or end, whichever keeps all of them different.
 
-    If none does, they are cut to a number of characters in which they can be told apart.
+    If none does, they are cut to a number of characters that keeps them different.
     """
     wholes = [one_line(text) for text in texts]
     best: list[str] = []
     for cut in (shorten, ending, beginning):
-        shown = [fitted(text, size, room, cut) for text in wholes]
-        if len(set(shown)) == len(set(wholes)):
-            return shown
-        best = max(best, shown, key=lambda names: len(set(names)))
-    return _fitted_apart(wholes, size, room) or best
+        labels = [fitted(text, size, room, cut) for text in wholes]
+        if len(set(labels)) == len(set(wholes)):
+            return labels
+        best = max(best, labels, key=lambda names: len(set(names)))
+    return _fit_apart(wholes, size, room) or best
 
 
-def _fitted_apart(texts: Sequence[str], size: float, room: float) -> list[str]:
-    """Return the texts in as many characters as fit, nothing if these are too few to tell them apart."""
+def _fit_apart(texts: Sequence[str], size: float, room: float) -> list[str]:
+    """Return the texts in as many characters as fit, [] if these are too few to keep the texts different."""
     best: list[str] = []
     low, high = _FEWEST, max(map(len, texts), default=0)
     while low <= high:
@@ -127,9 +127,9 @@ def _fitted_apart(texts: Sequence[str], size: float, room: float) -> list[str]:
 
 
 def balanced(text: str, size: float, room: float) -> tuple[str, ...]:
-    """Return the printable text in as few lines as `room` px allow, about as wide as each other.
+    """Return the printable text in as few lines as `room` px allow, all about equally wide.
 
-    There are no lines if it would have to be broken within a word.
+    There are no lines if a word would have to be broken.
     """
     lines = wrapped(text, size, room, anywhere=False)
     low, high = room / max(1, len(lines)), room
@@ -143,7 +143,7 @@ def balanced(text: str, size: float, room: float) -> tuple[str, ...]:
 def wrapped(text: str, size: float, room: float, *, bold: bool = False, anywhere: bool = True) -> tuple[str, ...]:
     """Return the printable text in lines of at most `room` px, broken after "_", "-", "/", "." or a space.
 
-    A piece that is wider is broken `anywhere`; else, there are no lines.
+    A wider piece is broken within itself if `anywhere` is set; else there are no lines.
     """
     lines, line = [], ""
     for piece in _pieces(one_line(text)):
@@ -157,7 +157,7 @@ def wrapped(text: str, size: float, room: float, *, bold: bool = False, anywhere
             keep = _prefix(line, size, room, bold=bold)
             lines.append(line[:keep])
             line = line[keep:]
-    return tuple(shown for shown in (said.strip() for said in (*lines, line)) if shown)
+    return tuple(stripped for stripped in (entry.strip() for entry in (*lines, line)) if stripped)
 
 
 def _prefix(line: str, size: float, room: float, *, bold: bool) -> int:
@@ -179,12 +179,12 @@ def _pieces(text: str) -> list[str]:
 
 @lru_cache(maxsize=1)
 def _families() -> tuple[str, ...]:
-    """Return the families that are there; what was installed after matplotlib listed the fonts is added to its list."""
-    known = {entry.name for entry in fontManager.ttflist}
-    return (_FIRST, *(family for family, files in _WIDER.items() if family in known or sum(map(_added, files))))
+    """Return the installed families. Fonts installed after matplotlib listed its fonts are added to its list."""
+    installed = {entry.name for entry in fontManager.ttflist}
+    return (_FIRST, *(family for family, files in _WIDER.items() if family in installed or sum(map(_add_font, files))))
 
 
-def _added(file: str) -> bool:
+def _add_font(file: str) -> bool:
     try:
         fontManager.addfont(str(ImageFont.truetype(file).path))
     except (OSError, RuntimeError):

@@ -1,4 +1,4 @@
-"""What marks mean, shown by the browser where the pointer rests on them."""
+"""Labels of marks, which the browser shows when the pointer rests on a mark."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _COARSE: Final = 2.0  # px by which the path that is met may miss the line
 
 
 def hover(layout: Layout) -> Element:
-    """Return a group of shapes that are not seen but say what lies under the pointer; the first 2,000 of them."""
+    """Return a group of invisible shapes that label what lies under the pointer; at most the first 2,000."""
     group = Element("g", {"fill": "none", "stroke": "none", "pointer-events": "all"})
     group.extend(islice(_shapes(layout), _MOST))
     return group
@@ -37,20 +37,20 @@ def _shapes(layout: Layout) -> Iterator[Element]:
 
 def _box(box: Box) -> Element:
     left, top, right, bottom = box.bounds
-    return _titled("rect", box.label, x=left, y=top, width=right - left, height=bottom - top)
+    return _titled_shape("rect", box.label, x=left, y=top, width=right - left, height=bottom - top)
 
 
 def _circle(circle: Circle) -> Element:
-    return _titled("circle", circle.label, cx=circle.at[0], cy=circle.at[1], r=max(circle.radius, _REACH / 2))
+    return _titled_shape("circle", circle.label, cx=circle.at[0], cy=circle.at[1], r=max(circle.radius, _REACH / 2))
 
 
 def _label(label: Label) -> Element:
     left, top, right, bottom = label.bounds
-    return _titled("rect", label.full, x=left, y=top, width=right - left, height=bottom - top)
+    return _titled_shape("rect", label.full, x=left, y=top, width=right - left, height=bottom - top)
 
 
 def _trace(trace: Trace) -> Element:
-    shape = _titled("path", trace.label)
+    shape = _titled_shape("path", trace.label)
     shape.set("d", _path(trace.points))
     shape.set("pointer-events", "stroke")
     shape.set("stroke-width", _number(max(trace.width, _REACH)))
@@ -58,9 +58,9 @@ def _trace(trace: Trace) -> Element:
 
 
 def _path(points: FloatArray) -> str:
-    whole = Path(points)
-    whole.simplify_threshold = _COARSE
-    path = whole.cleaned(simplify=True, remove_nans=True)
+    full_path = Path(points)
+    full_path.simplify_threshold = _COARSE
+    path = full_path.cleaned(simplify=True, remove_nans=True)
     codes = np.asarray(path.codes).tolist()
     steps = zip(np.asarray(path.vertices, dtype=np.float64).tolist(), codes, strict=True)
     return "".join(
@@ -70,7 +70,7 @@ def _path(points: FloatArray) -> str:
     )
 
 
-def _titled(tag: str, text: str, **attributes: float) -> Element:
+def _titled_shape(tag: str, text: str, **attributes: float) -> Element:
     shape = Element(tag, {name: _number(value) for name, value in attributes.items()})
     SubElement(shape, "title").text = legal(text)
     return shape

@@ -27,7 +27,7 @@ _BAR: Final = (320.0, 12.0)
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A plot on a picture of `width` by `height` px: what is around its area, and where its marks lie."""
+    """A plot on a picture of `width` by `height` px: the sheet around its area, and the frame of its marks."""
 
     width: int
     height: int
@@ -36,12 +36,12 @@ class Layout:
 
 
 def lay_out(plot: Plot, *, captions: bool) -> Layout:
-    """Place a plot; `captions` adds its title, how to read it and its notes."""
+    """Place a plot; `captions` adds its title, reading and notes."""
     width, height = plot.area
     frame = Frame(plot, Scale(plot.x, 0, width), Scale(plot.y, height, 0))
     sheet = Sheet((0, 0, width, height))
     sheet.take(*shapes.outlines(frame))
-    left_out = y_names(sheet, frame) + x_names(sheet, frame)
+    n_left_out = y_names(sheet, frame) + x_names(sheet, frame)
     _axis_labels(sheet, plot)
     sheet.take((-plot.left, 0, 0, 0))
     if captions:
@@ -50,11 +50,11 @@ def lay_out(plot: Plot, *, captions: bool) -> Layout:
     if plot.color_bar is not None:
         _color_bar(sheet, plot.color_bar, width)
     if captions:
-        _captions(sheet, plot, (*plot.notes, *([f"{left_out} names at the axes do not fit."] if left_out else [])))
+        _captions(sheet, plot, (*plot.notes, *([f"{n_left_out} names at the axes do not fit."] if n_left_out else [])))
     left, top = math.floor(sheet.left - _PAD), math.floor(sheet.top - _PAD)
     right, bottom = math.ceil(sheet.bounds[2] + _PAD), math.ceil(sheet.bottom + _PAD)
-    moved = Frame(plot, Scale(plot.x, -left, width - left), Scale(plot.y, height - top, -top))
-    return Layout(right - left, bottom - top, sheet.moved(-left, -top), moved)
+    moved_frame = Frame(plot, Scale(plot.x, -left, width - left), Scale(plot.y, height - top, -top))
+    return Layout(right - left, bottom - top, sheet.moved(-left, -top), moved_frame)
 
 
 def _axis_labels(sheet: Sheet, plot: Plot) -> None:
@@ -79,7 +79,7 @@ def _legend(sheet: Sheet, keys: Sequence[Key], width: float) -> None:
     if not keys:
         return
     room = max(sheet.width, 160)
-    rows = list(_rows(keys, room))
+    rows = list(_key_rows(keys, room))
     needed = sum(_key_width(key, room) for key in keys)
     left = 0.0 if len(rows) == 1 and needed <= width else sheet.left
     step = CAPTION * LINE + 4
@@ -91,7 +91,7 @@ def _legend(sheet: Sheet, keys: Sequence[Key], width: float) -> None:
             x += _key_width(key, room)
 
 
-def _rows(keys: Sequence[Key], room: float) -> Iterator[list[Key]]:
+def _key_rows(keys: Sequence[Key], room: float) -> Iterator[list[Key]]:
     row: list[Key] = []
     used = 0.0
     for key in keys:
@@ -132,11 +132,11 @@ def _color_bar(sheet: Sheet, bar: ColorBar, width: float) -> None:
         lines = wrapped(bar.label, CAPTION, max(sheet.bounds[2] - left, 160))
         sheet.paragraph(lines, top, Label((left, 0), "", CAPTION, "muted", "left"))
         top = sheet.bottom + _GAP / 2
-    each = length / max(1, len(bar.paints))
+    step = length / max(1, len(bar.paints))
     for index, paint in enumerate(bar.paints):
-        # each reaches under the next, or thin seams would show between them
-        right = left + min(length, (index + 2) * each)
-        sheet.boxes.append(Box((left + index * each, top, right, top + thick), paint))
+        # each box reaches under the next one, else thin seams would show between them
+        right = left + min(length, (index + 2) * step)
+        sheet.boxes.append(Box((left + index * step, top, right, top + thick), paint))
     sheet.take((left, top, left + length, top + thick))
     end = -math.inf
     for share, name in bar.ticks:

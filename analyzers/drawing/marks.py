@@ -24,7 +24,7 @@ from hrclog.arrays import FloatArray
 
 Rgb = tuple[float, float, float]
 Inks = Callable[[Paint], Rgb]
-"""The colour of a paint, shares of 0 to 1."""
+"""The colour of a paint, as shares from 0 to 1."""
 
 BARS: Final = "bars"
 """The group of filled rectangles."""
@@ -36,7 +36,7 @@ _DASHES: Final = (4.0, 2.5)
 
 
 class _Line(Text):
-    """A label, whose width is known: matplotlib would spend half its time on measuring it again."""
+    """A label of known width, because matplotlib would spend half its time on measuring it again."""
 
     def __init__(self, label: Label, color: Rgb, points: float, transform: Transform) -> None:
         super().__init__(
@@ -53,14 +53,20 @@ class _Line(Text):
         self._start = label.start
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw it from the start of its baseline, as it is: a dollar begins no formula."""
+        """Draw the text as it is from the start of its baseline: a dollar does not begin a formula."""
         _, height = renderer.get_canvas_width_height()
         x, y = self.get_transform().transform(self._start)
         gc = renderer.new_gc()
         gc.set_foreground(self.get_color())
-        written = self.get_fontproperties()
+        font_properties = self.get_fontproperties()
         renderer.draw_text(
-            gc, x, height - y if renderer.flipy() else y, self.get_text(), written, self.get_rotation(), mtext=self
+            gc,
+            x,
+            height - y if renderer.flipy() else y,
+            self.get_text(),
+            font_properties,
+            self.get_rotation(),
+            mtext=self,
         )
         gc.restore()
         self.stale = False
@@ -172,7 +178,7 @@ class Pen:
 
 
 def _pieces(points: FloatArray) -> Iterator[FloatArray]:
-    """Yield a line in pieces, each from where the last one ended: no longer than a rasterizer takes."""
+    """Yield a line in pieces that a rasterizer can draw. Each begins where the last one ended."""
     for start in range(0, len(points) - 1, _LONGEST):
         yield points[start : start + _LONGEST + 1]
 

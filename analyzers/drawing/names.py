@@ -1,4 +1,4 @@
-"""The names at the ticks of the axes: side by side, in several lines, slanted or upright, whatever fits."""
+"""The names at the ticks of the axes: side by side, in several lines, slanted or upright, depending on the room."""
 
 from __future__ import annotations
 
@@ -33,52 +33,52 @@ Name = tuple[float, str]
 
 def y_names(sheet: Sheet, frame: Frame) -> int:
     """Write the ticks of y to the left of the area; return how many names are left out."""
-    ticks = _placed(frame.y, 64)
+    ticks = _place_ticks(frame.y, 64)
     _rules(sheet, frame.plot, ticks, upright=True)
     names = [(at, name) for at, name in ticks if name]
     if _is_numeric(frame.plot.y):
-        kept = _apart(names, NUMBER * LINE)
-        sheet.write(*(Label((-_GAP, at), said, NUMBER, "muted", "right") for at, said in kept))
+        spaced = _keep_apart(names, NUMBER * LINE)
+        sheet.write(*(Label((-_GAP, at), number, NUMBER, "muted", "right") for at, number in spaced))
         return 0
-    kept = _apart(names, _SMALLEST * _TIGHT)
-    room = _spacing(kept)
+    spaced = _keep_apart(names, _SMALLEST * _TIGHT)
+    room = _spacing(spaced)
     size = _size(room)
     longest = min(_LONGEST, frame.plot.left - _GAP) if frame.plot.left > _GAP else _LONGEST
-    shown = fitted_all([name for _, name in kept], size, longest)
-    for (at, name), short in zip(kept, shown, strict=True):
-        lines = _beside(name, short, size, (min(_WIDE, longest), room))
+    short_names = fitted_all([name for _, name in spaced], size, longest)
+    for (at, name), short in zip(spaced, short_names, strict=True):
+        lines = _side_lines(name, short, size, (min(_WIDE, longest), room))
         for row, line in enumerate(lines):
             y = at + (row - (len(lines) - 1) / 2) * size * _TIGHT
-            sheet.write(Label((-_GAP, y), line, size, anchor="right", full=_full(name, lines)))
-    return len(names) - len(kept)
+            sheet.write(Label((-_GAP, y), line, size, anchor="right", full=_hidden_text(name, lines)))
+    return len(names) - len(spaced)
 
 
 def x_names(sheet: Sheet, frame: Frame) -> int:
     """Write the ticks of x beneath the area, or above it; return how many names are left out."""
-    plot, ticks = frame.plot, _placed(frame.x, 80)
+    plot, ticks = frame.plot, _place_ticks(frame.x, 80)
     _rules(sheet, plot, ticks, upright=False)
     names = [(at, name) for at, name in ticks if name]
     if _is_numeric(plot.x):
-        _write_rows(sheet, plot, [(at, (said,)) for at, said in _side_by_side(names, NUMBER)], NUMBER)
+        _write_rows(sheet, plot, [(at, (number,)) for at, number in _fit_side_by_side(names, NUMBER)], NUMBER)
         return 0
-    if len(_side_by_side(names, NAME)) == len(names):
+    if len(_fit_side_by_side(names, NAME)) == len(names):
         _write_rows(sheet, plot, [(at, (one_line(name),)) for at, name in names], NAME)
         return 0
     room = _spacing(names)
-    broken = [_broken(name, room - _GAP) for _, name in names]
-    if all(broken):
-        _write_rows(sheet, plot, [(at, lines) for (at, _), lines in zip(names, broken, strict=True)], NAME)
+    name_lines = [_break_name(name, room - _GAP) for _, name in names]
+    if all(name_lines):
+        _write_rows(sheet, plot, [(at, lines) for (at, _), lines in zip(names, name_lines, strict=True)], NAME)
         return 0
     if room >= 2 * NAME:
         _write_turned(sheet, plot, names, NAME, _SLANT)
         return 0
-    kept = _apart(names, _SMALLEST * _TIGHT)
-    _write_turned(sheet, plot, kept, _size(_spacing(kept)), 90)
-    return len(names) - len(kept)
+    spaced = _keep_apart(names, _SMALLEST * _TIGHT)
+    _write_turned(sheet, plot, spaced, _size(_spacing(spaced)), 90)
+    return len(names) - len(spaced)
 
 
-def _placed(scale: Scale, apart: float) -> list[Name]:
-    """Return the ticks within the area by their px, in order."""
+def _place_ticks(scale: Scale, apart: float) -> list[Name]:
+    """Return the ticks within the area with their px, in order."""
     low, high = sorted((scale.start, scale.end))
     spots = [(float(scale.at(value)), name) for value, name in scale.ticks(apart)]
     return sorted((spot for spot in spots if low - 0.5 <= spot[0] <= high + 0.5), key=lambda spot: spot[0])
@@ -90,10 +90,10 @@ def _is_numeric(axis: Axis) -> bool:
 
 
 def _rules(sheet: Sheet, plot: Plot, names: Sequence[Name], *, upright: bool) -> None:
-    """Draw the lines of a grid and, at an axis of numbers, the axis with its marks."""
+    """Draw the lines of the grid and, for an axis of numbers, the axis with its marks."""
     width, height = plot.area
     axis = plot.y if upright else plot.x
-    # thin lines move to the nearest px, halves to the next: these to the first px outside the area
+    # a thin line moves to the nearest px, from a half to the next: these move to the first px outside the area
     foot = -0.6 if upright or plot.names_on_top else height + 0.4
     out = foot + math.copysign(_MARK, foot)
 
@@ -117,29 +117,29 @@ def _size(room: float) -> float:
     return max(_SMALLEST, math.floor(min(NAME, room / _TIGHT)))
 
 
-def _apart(names: Sequence[Name], least: float) -> list[Name]:
-    """Return as many names as fit at a distance."""
-    kept: list[Name] = []
+def _keep_apart(names: Sequence[Name], least: float) -> list[Name]:
+    """Return as many names as fit with at least a distance between them."""
+    spaced: list[Name] = []
     for at, name in names:
-        if not kept or at - kept[-1][0] >= least - 1e-6:
-            kept.append((at, name))
-    return kept
+        if not spaced or at - spaced[-1][0] >= least - 1e-6:
+            spaced.append((at, name))
+    return spaced
 
 
-def _side_by_side(names: Sequence[Name], size: float) -> list[Name]:
+def _fit_side_by_side(names: Sequence[Name], size: float) -> list[Name]:
     """Return as many names as fit beside each other on one line."""
-    kept: list[Name] = []
+    fitting: list[Name] = []
     end = -math.inf
     for at, name in names:
         half = text_width(one_line(name), size) / 2
         if at - half >= end and half <= _LONGEST / 2:
-            kept.append((at, name))
+            fitting.append((at, name))
             end = at + half + _GAP
-    return kept
+    return fitting
 
 
-def _beside(name: str, short: str, size: float, room: tuple[float, float]) -> tuple[str, ...]:
-    """Return the lines of a name at the side: one, if it is short or cannot have more in a room's width and height."""
+def _side_lines(name: str, short: str, size: float, room: tuple[float, float]) -> tuple[str, ...]:
+    """Return the lines of a name at the side: one, if it is short or if several do not fit into the room."""
     width, height = room
     if text_width(short, size) <= width and short == one_line(name):
         return (short,)
@@ -147,14 +147,14 @@ def _beside(name: str, short: str, size: float, room: tuple[float, float]) -> tu
     return lines if 0 < len(lines) <= _MOST_LINES and len(lines) * size * _TIGHT <= height else (short,)
 
 
-def _broken(name: str, room: float) -> tuple[str, ...]:
+def _break_name(name: str, room: float) -> tuple[str, ...]:
     """Return a name in a few lines, none if it does not break into them well."""
     lines = balanced(name, NAME, room) if room > 0 else ()
     return lines if len(lines) <= _MOST_LINES else ()
 
 
-def _full(name: str, lines: Sequence[str]) -> str:
-    """Return what the lines do not say in full."""
+def _hidden_text(name: str, lines: Sequence[str]) -> str:
+    """Return the full name if the lines shorten it, else ""."""
     return "" if "".join(lines).replace(" ", "") == one_line(name).replace(" ", "") else name
 
 
@@ -169,6 +169,6 @@ def _write_rows(sheet: Sheet, plot: Plot, names: Sequence[tuple[float, tuple[str
 def _write_turned(sheet: Sheet, plot: Plot, names: Sequence[Name], size: float, angle: float) -> None:
     y = -_GAP if plot.names_on_top else plot.area[1] + _GAP
     anchor: Anchor = "left" if plot.names_on_top else "right"
-    shown = fitted_all([name for _, name in names], size, _LONGEST)
-    for (at, name), short in zip(names, shown, strict=True):
-        sheet.write(Label((at, y), short, size, anchor=anchor, angle=angle, full=_full(name, (short,))))
+    short_names = fitted_all([name for _, name in names], size, _LONGEST)
+    for (at, name), short in zip(names, short_names, strict=True):
+        sheet.write(Label((at, y), short, size, anchor=anchor, angle=angle, full=_hidden_text(name, (short,))))

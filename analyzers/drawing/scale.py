@@ -34,23 +34,23 @@ class Scale:
     end: float
 
     def at(self, values: npt.ArrayLike) -> FloatArray:
-        """Return the px of values, shape as given; nan for what is not on the axis, such as 0 on a logarithmic one."""
+        """Return the px of values, same shape; nan for values not on the axis, such as 0 on a logarithmic one."""
         low, high = _span(self.axis)
         with np.errstate(all="ignore"):
-            shown = np.asarray(values, dtype=np.float64)
+            numbers = np.asarray(values, dtype=np.float64)
             if self.axis.log:
-                shown = np.log10(np.where(shown > 0, shown, np.nan))
+                numbers = np.log10(np.where(numbers > 0, numbers, np.nan))
             if not math.isfinite(high - low):
-                low, high, shown = low / 4, high / 4, shown / 4
-            share = np.clip((shown - low) / (high - low), -_MANY_SPANS, _MANY_SPANS)
+                low, high, numbers = low / 4, high / 4, numbers / 4
+            share = np.clip((numbers - low) / (high - low), -_MANY_SPANS, _MANY_SPANS)
             return np.clip(self.start + share * (self.end - self.start), -_FARTHEST, _FARTHEST)
 
     def end_at(self, values: npt.ArrayLike) -> FloatArray:
-        """Return the px of the ends of bars: those that lie below any logarithm, at the low end of the axis."""
+        """Return the px of the ends of bars. On a logarithmic axis, ends at or below 0 lie at its low end."""
         low = min(self.axis.low, self.axis.high)
         with np.errstate(all="ignore"):
-            shown = np.asarray(values, dtype=np.float64)
-            return self.at(np.where(shown <= 0, low, shown) if self.axis.log else shown)
+            numbers = np.asarray(values, dtype=np.float64)
+            return self.at(np.where(numbers <= 0, low, numbers) if self.axis.log else numbers)
 
     def ticks(self, apart: float) -> tuple[Tick, ...]:
         """Return the named positions of the axis, else round numbers about `apart` px from each other."""
@@ -64,13 +64,13 @@ class Scale:
 
 
 def plain(value: float, digits: int) -> str:
-    """Return a number as it is said: without an exponent where its size is ordinary, and no minus before zero."""
+    """Return a number as text: without an exponent if its size is ordinary, and without a minus before zero."""
     if value and not _PLAIN[0] <= abs(value) < _PLAIN[1]:
         return f"{value:.6g}"
     if not value and digits > _MOST_DIGITS:
         return "0"
-    shown = f"{value:,.{digits}f}"
-    return shown.removeprefix("-") if float(shown.replace(",", "")) == 0 else shown
+    text = f"{value:,.{digits}f}"
+    return text.removeprefix("-") if float(text.replace(",", "")) == 0 else text
 
 
 def _span(axis: Axis) -> tuple[float, float]:
@@ -82,7 +82,7 @@ def _span(axis: Axis) -> tuple[float, float]:
 
 
 def _round_step(about: float) -> float:
-    """Return the one of 1, 2, 5 times a power of ten that is nearest by its ratio."""
+    """Return the number of the form 1, 2 or 5 times a power of ten that has the nearest ratio."""
     power = 10.0 ** math.floor(math.log10(about))
     return min((factor * power for factor in (1, 2, 5, 10)), key=lambda step: abs(math.log(step / about)))
 
@@ -100,7 +100,7 @@ def _linear_ticks(low: float, high: float, about: float) -> tuple[Tick, ...]:
 
 
 def _log_ticks(low: float, high: float, about: float) -> tuple[Tick, ...]:
-    """Return 1, 2, 5 times powers of ten, fewer over many decades; round numbers where hardly one of them is there."""
+    """Return 1, 2, 5 times powers of ten, fewer over many decades, or round numbers if there are hardly any of them."""
     choices = [list(_powers(low, high, factors)) for factors in ((1, 2, 5), (1,))]
     ticks = next((choice for choice in choices if len(choice) <= 1.5 * about), choices[-1])
     if len(choices[0]) < 3:

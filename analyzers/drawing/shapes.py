@@ -18,7 +18,7 @@ from hrclog.arrays import BoolArray, FloatArray
 EMPTY: Final = "nothing observed"
 
 RIM: Final = 1.5
-"""Px across the line around a circle."""
+"""Width in px of the line around a circle."""
 
 _THINNEST: Final = 1.0  # px of a rectangle, that a moment shows too
 _SLACK: Final = 0.5  # px beyond the edge at which a point still counts as on it
@@ -47,7 +47,7 @@ class Patch:
 
 
 def boxes(frame: Frame) -> list[Box]:
-    """Return the rectangles, less what lies outside the area; the thinnest are widened until they are seen."""
+    """Return the rectangles, cut at the edges of the area. The thinnest are widened so that they are visible."""
     rects = frame.plot.rects
     if not rects:
         return []
@@ -55,11 +55,11 @@ def boxes(frame: Frame) -> list[Box]:
     left, top, right, bottom = frame.area
     xs = _side(frame.x.end_at(corners[:, 0::2]), left, right)
     ys = _side(frame.y.end_at(corners[:, 1::2]), top, bottom)
-    seen = ~np.isnan(np.concatenate([xs, ys], axis=1)).any(axis=1)
+    visible = ~np.isnan(np.concatenate([xs, ys], axis=1)).any(axis=1)
     return [
         Box((x[0], y[0], x[1], y[1]), rect.paint, rect.label)
-        for rect, x, y, shown in zip(rects, xs.tolist(), ys.tolist(), seen.tolist(), strict=True)
-        if shown
+        for rect, x, y, is_visible in zip(rects, xs.tolist(), ys.tolist(), visible.tolist(), strict=True)
+        if is_visible
     ]
 
 
@@ -88,16 +88,16 @@ def circles(frame: Frame) -> list[Circle]:
     if not dots:
         return []
     spots = _px(frame, np.array([dot.at for dot in dots], dtype=np.float64))
-    seen = _inside(frame, spots)
+    visible = _inside(frame, spots)
     return [
         Circle((x, y), dot.radius, dot.paint, dot.rim, dot.label)
-        for dot, (x, y), shown in zip(dots, spots.tolist(), seen.tolist(), strict=True)
-        if shown
+        for dot, (x, y), is_visible in zip(dots, spots.tolist(), visible.tolist(), strict=True)
+        if is_visible
     ]
 
 
 def labels(frame: Frame) -> Iterator[Label]:
-    """Yield the texts in the area that fit into their room, and a word where there is nothing to see."""
+    """Yield the texts in the area that fit into their room, or a note if the plot is empty."""
     plot = frame.plot
     if not (plot.rects or plot.bands or plot.strokes or plot.dots or plot.texts):
         left, top, right, bottom = frame.area
@@ -105,9 +105,9 @@ def labels(frame: Frame) -> Iterator[Label]:
     if not plot.texts:
         return
     spots = _px(frame, np.array([text.at for text in plot.texts], dtype=np.float64))
-    seen = _inside(frame, spots)
-    for text, (x, y), shown in zip(plot.texts, spots.tolist(), seen.tolist(), strict=True):
-        if not (shown and text.text):
+    visible = _inside(frame, spots)
+    for text, (x, y), is_visible in zip(plot.texts, spots.tolist(), visible.tolist(), strict=True):
+        if not (is_visible and text.text):
             continue
         label = Label((x, y), one_line(text.text), text.size, text.paint, text.anchor, text.bold)
         if text.room is None or label.width <= _room(frame, text, text.room):
@@ -115,7 +115,7 @@ def labels(frame: Frame) -> Iterator[Label]:
 
 
 def outlines(frame: Frame) -> Iterator[Bounds]:
-    """Yield the bounds of what may reach beyond the area."""
+    """Yield the bounds of marks that may reach beyond the area."""
     yield from (label.bounds for label in labels(frame))
     for circle in circles(frame):
         (x, y), reach = circle.at, circle.radius + RIM
@@ -126,8 +126,8 @@ def _points(frame: Frame, stroke: Stroke) -> FloatArray:
     points = _px(frame, np.array(stroke.points, dtype=np.float64))
     if not stroke.step or len(points) < 2:
         return points
-    held = np.repeat(points, 2, axis=0)
-    return np.stack([held[1:, 0], held[:-1, 1]], axis=1)
+    repeated = np.repeat(points, 2, axis=0)
+    return np.stack([repeated[1:, 0], repeated[:-1, 1]], axis=1)
 
 
 def _px(frame: Frame, points: FloatArray) -> FloatArray:
@@ -141,7 +141,7 @@ def _inside(frame: Frame, spots: FloatArray) -> BoolArray:
 
 
 def _side(ends: FloatArray, low: float, high: float) -> FloatArray:
-    """Return both ends of bars in order, within the area; nan where a bar is outside it."""
+    """Return both ends of bars in order, cut to the area; nan for a bar outside it."""
     first, last = ends.min(axis=1), ends.max(axis=1)
     with np.errstate(invalid="ignore"):
         outside = (last < low) | (first > high)
@@ -155,12 +155,12 @@ def _side(ends: FloatArray, low: float, high: float) -> FloatArray:
 
 
 def _stretches(columns: FloatArray) -> list[FloatArray]:
-    whole = ~np.isnan(columns).any(axis=1)
-    cuts = np.flatnonzero(np.diff(whole)) + 1
+    is_complete = ~np.isnan(columns).any(axis=1)
+    cuts = np.flatnonzero(np.diff(is_complete)) + 1
     return [stretch for stretch in np.split(columns, cuts) if len(stretch) > 1 and not np.isnan(stretch).any()]
 
 
 def _room(frame: Frame, text: Text, room: float) -> float:
-    before = {"left": 0.0, "center": 0.5, "right": 1.0}[text.anchor] * room
-    ends = frame.x.end_at((text.at[0] - before, text.at[0] - before + room))
+    offset = {"left": 0.0, "center": 0.5, "right": 1.0}[text.anchor] * room
+    ends = frame.x.end_at((text.at[0] - offset, text.at[0] - offset + room))
     return float(abs(ends[1] - ends[0]))

@@ -1,4 +1,4 @@
-"""What is drawn around an area, in px that run right and down."""
+"""Shapes around an area, in px that run right and down."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Bounds = tuple[float, float, float, float]
 class Label:
     """A line of text, turned counterclockwise by `angle` degrees about its anchor, at the middle of its height.
 
-    `full` is what it stands for, where it had to be shortened.
+    `full` is the full text, if it had to be shortened.
     """
 
     at: tuple[float, float]
@@ -45,7 +45,7 @@ class Label:
         """Where the baseline begins."""
         turn = math.radians(self.angle)
         x, y = self.baseline
-        return x - self._before * math.cos(turn), y + self._before * math.sin(turn)
+        return x - self._anchor_offset * math.cos(turn), y + self._anchor_offset * math.sin(turn)
 
     @property
     def width(self) -> float:
@@ -53,16 +53,16 @@ class Label:
         return text_width(self.text, self.size, bold=self.bold)
 
     @property
-    def _before(self) -> float:
+    def _anchor_offset(self) -> float:
         return {"left": 0.0, "center": 0.5, "right": 1.0}[self.anchor] * self.width
 
     @property
     def bounds(self) -> Bounds:
-        """The px that the line takes at most."""
-        width, before = self.width, self._before
+        """The bounds of the line in px, at most."""
+        width, offset = self.width, self._anchor_offset
         above, below = text_reach(self.text, self.size, bold=self.bold)
         turn = math.radians(self.angle)
-        corners = [(along, across) for along in (-before, width - before) for across in (-above, below)]
+        corners = [(along, across) for along in (-offset, width - offset) for across in (-above, below)]
         xs = [self.at[0] + along * math.cos(turn) + across * math.sin(turn) for along, across in corners]
         ys = [self.at[1] - along * math.sin(turn) + across * math.cos(turn) for along, across in corners]
         return min(xs), min(ys), max(xs), max(ys)
@@ -79,7 +79,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """A filled circle, with a rim where one is given, and what it means."""
+    """A filled circle with an optional rim, and what it means."""
 
     at: tuple[float, float]
     radius: float
@@ -101,7 +101,7 @@ class Trace:
 
 @dataclass(slots=True)
 class Sheet:
-    """Shapes around an area whose upper left corner is 0, 0, and the bounds of them all."""
+    """Shapes around an area whose upper left corner is 0, 0, and the bounds of all of them."""
 
     bounds: Bounds
     labels: list[Label] = field(default_factory=list)
@@ -136,7 +136,7 @@ class Sheet:
         self.take(*(label.bounds for label in labels))
 
     def paragraph(self, lines: Sequence[str], top: float, style: Label) -> None:
-        """Add lines of text beneath each other in the style of a label, whose x they keep."""
+        """Add lines of text beneath each other, in the style and at the x of a label."""
         step = style.size * LINE
         for row, line in enumerate(lines):
             self.write(replace(style, at=(style.at[0], top + (row + 0.5) * step), text=line))
@@ -151,17 +151,17 @@ class Sheet:
         self.bounds = min(lefts), min(tops), max(rights), max(bottoms)
 
     def moved(self, right: float, down: float) -> Sheet:
-        """Return the sheet with everything on it elsewhere."""
-        by = np.array((right, down))
+        """Return the sheet with everything on it moved."""
+        shift = np.array((right, down))
         return Sheet(
-            _moved(self.bounds, right, down),
+            _move_bounds(self.bounds, right, down),
             [replace(label, at=(label.at[0] + right, label.at[1] + down)) for label in self.labels],
-            [replace(box, bounds=_moved(box.bounds, right, down)) for box in self.boxes],
-            [replace(line, points=line.points + by) for line in self.grid],
-            [replace(line, points=line.points + by) for line in self.lines],
+            [replace(box, bounds=_move_bounds(box.bounds, right, down)) for box in self.boxes],
+            [replace(line, points=line.points + shift) for line in self.grid],
+            [replace(line, points=line.points + shift) for line in self.lines],
             [replace(circle, at=(circle.at[0] + right, circle.at[1] + down)) for circle in self.circles],
         )
 
 
-def _moved(bounds: Bounds, right: float, down: float) -> Bounds:
+def _move_bounds(bounds: Bounds, right: float, down: float) -> Bounds:
     return bounds[0] + right, bounds[1] + down, bounds[2] + right, bounds[3] + down

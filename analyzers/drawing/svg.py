@@ -1,4 +1,4 @@
-"""Make matplotlib's SVG fit to stand in a page, among others of its kind."""
+"""Turn matplotlib's SVG into an element for a page that has several of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hrclog.analyzers.figures.plot import Plot
 
 _SPACE: Final = "http://www.w3.org/2000/svg"
 _LINK: Final = "{http://www.w3.org/1999/xlink}href"
-# Verdana's letters are as wide as those of DejaVu Sans, by whose widths everything is placed
+# everything is placed by the letter widths of DejaVu Sans, and those of Verdana are equal
 _FONTS: Final = "'DejaVu Sans', Verdana, 'Noto Sans', 'Noto Sans CJK SC', 'Microsoft YaHei', sans-serif"
 _REFERENCE: Final = re.compile(r"url\(#([^)]+)\)")
 _NUMBER: Final = re.compile(r"-?\d+\.\d+")
@@ -25,31 +25,31 @@ _BESIDE_LETTER: Final = re.compile(r"\s*([A-Za-z])\s*")
 
 
 def stand_ins(plot: Plot) -> dict[Role, Color]:
-    """Return a colour for each role of a theme that nothing in the plot has."""
-    taken = set(_paints(plot))
-    free = (color for color in ((1, 2, blue) for blue in count()) if color not in taken)
+    """Return for each role of a theme a colour that the plot does not use."""
+    used_colors = set(_paints(plot))
+    free = (color for color in ((1, 2, blue) for blue in count()) if color not in used_colors)
     return dict(zip(LIGHT, free, strict=False))
 
 
 def finished(source: str, layout: Layout, variables: Mapping[Color, str], hover: Element | None = None) -> str:
-    """Return an SVG element for a page, made of what matplotlib wrote.
+    """Return an SVG element for a page, made from matplotlib's output.
 
     Args:
-        source: what it wrote; its points are the px of the layout.
-        layout: what it drew.
-        variables: what to write instead of colours.
-        hover: what is to lie on top.
+        source: the SVG that matplotlib wrote; its points are the px of the layout.
+        layout: the layout that it drew.
+        variables: texts to write instead of colours.
+        hover: an element to put on top.
     """
     root = fromstring(source)  # noqa: S314 - matplotlib wrote it
     names = _names(root, hashlib.sha256(source.encode()).hexdigest()[:10])
-    said = {"#{:02x}{:02x}{:02x}".format(*color): variable for color, variable in variables.items()}
+    css_colors = {"#{:02x}{:02x}{:02x}".format(*color): variable for color, variable in variables.items()}
     for element in root.iter():
-        _tidy(element, names, said)
+        _tidy(element, names, css_colors)
     title = Element("title")
     title.text = legal(layout.frame.plot.title)
-    drawn = [child for child in root if child.tag == "g" or child.find("clipPath") is not None]
+    children = [child for child in root if child.tag == "g" or child.find("clipPath") is not None]
     picture = Element("svg", _head(layout))
-    picture.extend([title, *drawn, *([] if hover is None else [hover])])
+    picture.extend([title, *children, *([] if hover is None else [hover])])
     return tostring(picture, encoding="unicode")
 
 
@@ -67,11 +67,11 @@ def _head(layout: Layout) -> dict[str, str]:
 
 
 def _names(root: Element, salt: str) -> dict[str, str]:
-    """Return new names for those parts that others refer to, which no other picture has."""
-    met = [
+    """Return new, unique names for the parts that others refer to."""
+    references = [
         reference for element in root.iter() for value in element.attrib.values() for reference in _references(value)
     ]
-    return {name: f"p{salt}-{index}" for index, name in enumerate(dict.fromkeys(met))}
+    return {name: f"p{salt}-{index}" for index, name in enumerate(dict.fromkeys(references))}
 
 
 def _references(value: str) -> Iterator[str]:
@@ -80,8 +80,8 @@ def _references(value: str) -> Iterator[str]:
     yield from _REFERENCE.findall(value)
 
 
-def _tidy(element: Element, names: Mapping[str, str], said: Mapping[str, str]) -> None:
-    """Take the namespace, the blanks, the unused names and the needless digits from an element."""
+def _tidy(element: Element, names: Mapping[str, str], css_colors: Mapping[str, str]) -> None:
+    """Remove the namespace, the blanks, the unused names and the needless digits from an element."""
     element.tag = element.tag.removeprefix(f"{{{_SPACE}}}")
     element.tail = None
     if element.text is not None and not element.text.strip():
@@ -95,20 +95,20 @@ def _tidy(element: Element, names: Mapping[str, str], said: Mapping[str, str]) -
     if _LINK in attributes:
         attributes["href"] = f"#{names[attributes.pop(_LINK)[1:]]}"
     if "clip-path" in attributes:
-        attributes["clip-path"] = _REFERENCE.sub(lambda found: f"url(#{names[found[1]]})", attributes["clip-path"])
+        attributes["clip-path"] = _REFERENCE.sub(lambda match: f"url(#{names[match[1]]})", attributes["clip-path"])
     if "d" in attributes:
-        attributes["d"] = _BESIDE_LETTER.sub(r"\1", _NUMBER.sub(_short, attributes["d"])).strip()
+        attributes["d"] = _BESIDE_LETTER.sub(r"\1", _NUMBER.sub(_shorten_number, attributes["d"])).strip()
     if "style" in attributes:
-        attributes["style"] = _style(attributes["style"], said)
+        attributes["style"] = _style(attributes["style"], css_colors)
 
 
-def _short(number: re.Match[str]) -> str:
+def _shorten_number(number: re.Match[str]) -> str:
     return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
 
 
-def _style(style: str, said: Mapping[str, str]) -> str:
+def _style(style: str, css_colors: Mapping[str, str]) -> str:
     pairs = (pair.split(": ", 1) for pair in style.split("; ") if ": " in pair)
-    return ";".join(f"{name}:{said.get(value, value)}" for name, value in pairs if name != "font-family")
+    return ";".join(f"{name}:{css_colors.get(value, value)}" for name, value in pairs if name != "font-family")
 
 
 def _paints(plot: Plot) -> Iterator[Paint]:

@@ -1,4 +1,4 @@
-"""What an exporter is: one class that writes a table to a file of some format."""
+"""The base class of exporters, which write a table to a file of some format."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Exporter(ABC):
     """Writes the tables of an analysis in a format: `hrclog export --format NAME`.
 
     Attributes:
-        name: by which it is chosen.
+        name: the name by which it is chosen.
         summary: one line for lists.
-        suffix: of its files, with the dot.
+        suffix: the suffix of its files, with the dot.
     """
 
     name: ClassVar[str]
@@ -27,11 +27,11 @@ class Exporter(ABC):
 
     @abstractmethod
     def write(self, frame: pl.DataFrame, path: Path) -> None:
-        """Write a frame; its columns are those of docs/tables.md, instants int64 nanoseconds, some columns lists.
+        """Write a frame. docs/tables.md lists its columns; instants are int64 nanoseconds, and some columns are lists.
 
         Args:
             frame: one of the tables.
-            path: of the file, in a folder that is there.
+            path: of the file, in an existing folder.
 
         Raises:
             OSError: the file cannot be written.
@@ -44,8 +44,8 @@ def write_table(exporter: Exporter, frame: pl.DataFrame, folder: Path, table: st
     Args:
         exporter: writes it.
         frame: the table.
-        folder: made where it is missing.
-        table: its name.
+        folder: created if it is missing.
+        table: the name of the table.
 
     Returns:
         The path and the number of rows.

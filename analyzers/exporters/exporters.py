@@ -1,4 +1,4 @@
-"""The exporters there are, by name; the first is the default."""
+"""The available exporters by name; the first is the default."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording says about itself: facts, how to read it, and what is not drawn."""
+"""The page that describes a recording: facts, how to read it, and what is not drawn."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CELL_LEGEND: Final = (
 
 
 def about_run(figures: RunFigures, left_out: Sequence[str] = ()) -> str:
-    """Return the markdown page of a run; `left_out` is what the back end could not draw."""
+    """Return the markdown page of a run; `left_out` lists what the back end could not draw."""
     legend = _RUN_LEGEND if figures.cell is None else (*_RUN_LEGEND, *_CELL_LEGEND)
     return _page(figures.name, _table(figures.facts), legend, [*figures.captions, *left_out])
 
@@ -46,7 +46,7 @@ def _table(facts: Sequence[tuple[str, str | float]]) -> list[str]:
     return [
         "| fact | value |",
         "|:--|:--|",
-        *[f"| {markdown_escape(name)} | {_shown(value)} |" for name, value in facts],
+        *[f"| {markdown_escape(name)} | {_format_value(value)} |" for name, value in facts],
     ]
 
 
@@ -54,5 +54,5 @@ def _bullets(texts: Sequence[str]) -> list[str]:
     return [f"- {markdown_escape(text)}" for text in texts]
 
 
-def _shown(value: str | float) -> str:
+def _format_value(value: str | float) -> str:
     return number(value) if isinstance(value, float) else markdown_escape(str(value))

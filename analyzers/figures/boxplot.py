@@ -53,7 +53,7 @@ class BoxPlot:
 
 
 def duration_boxes(intervals: pl.DataFrame, max_boxes: int = MAX_BOXES) -> list[BoxPlot]:
-    """Return the durations of primary executions that ended and succeeded: one plot, or one per agent if it gets long.
+    """Return box plots of the primary executions that ended and succeeded: one plot, or one per agent if it is long.
 
     Args:
         intervals: a frame of schema `INTERVALS`.
@@ -72,7 +72,10 @@ def duration_boxes(intervals: pl.DataFrame, max_boxes: int = MAX_BOXES) -> list[
     )
     if samples.height <= min(_TOGETHER, max_boxes):
         return [_plot("", samples, max_boxes)]
-    return [_plot(str(agent), own, max_boxes) for (agent,), own in samples.group_by("agent", maintain_order=True)]
+    return [
+        _plot(str(agent), agent_samples, max_boxes)
+        for (agent,), agent_samples in samples.group_by("agent", maintain_order=True)
+    ]
 
 
 def _plot(agent: str, samples: pl.DataFrame, max_boxes: int) -> BoxPlot:
@@ -90,12 +93,12 @@ def _plot(agent: str, samples: pl.DataFrame, max_boxes: int) -> BoxPlot:
 
 
 def _box(agent: str, task: str, sample: FloatArray) -> tuple[Box, int]:
-    """Return the box of a sorted sample and how many outliers it leaves out (whiskers after Tukey)."""
+    """Return the box of a sorted sample, and how many outliers it leaves out. The whiskers follow Tukey."""
     q25, median, q75 = np.quantile(sample, (0.25, 0.5, 0.75))
     reach = _REACH * (q75 - q25)
-    inside = sample[(sample >= q25 - reach) & (sample <= q75 + reach)]
-    outside = sample[(sample < q25 - reach) | (sample > q75 + reach)]
-    shown = outside[np.sort(np.argsort(-np.abs(outside - median), kind="stable")[:MAX_OUTLIERS])]
+    inliers = sample[(sample >= q25 - reach) & (sample <= q75 + reach)]
+    outliers = sample[(sample < q25 - reach) | (sample > q75 + reach)]
+    drawn_outliers = outliers[np.sort(np.argsort(-np.abs(outliers - median), kind="stable")[:MAX_OUTLIERS])]
     box = Box(
         agent,
         task,
@@ -103,9 +106,9 @@ def _box(agent: str, task: str, sample: FloatArray) -> tuple[Box, int]:
         float(q25),
         float(median),
         float(q75),
-        float(inside[0]),
-        float(inside[-1]),
+        float(inliers[0]),
+        float(inliers[-1]),
         float(sample.mean()),
-        tuple(shown.tolist()),
+        tuple(drawn_outliers.tolist()),
     )
-    return box, len(outside) - len(shown)
+    return box, len(outliers) - len(drawn_outliers)

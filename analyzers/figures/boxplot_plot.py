@@ -40,7 +40,7 @@ def boxplot_plot(plot: BoxPlot, path: tuple[str, ...]) -> Plot:
         x=Axis(0.0, longest * 1.03, "seconds", grid=True),
         y=Axis(max(len(rows), 1), 0, ticks=tuple(ticks) or NAMELESS),
         area=(NARROW if plot.agent else WIDE, height),
-        rects=tuple(Rect((box.q25, y - _HALF), (box.q75, y + _HALF), _BLUE, _said(box)) for y, box in drawn),
+        rects=tuple(Rect((box.q25, y - _HALF), (box.q75, y + _HALF), _BLUE, _label(box)) for y, box in drawn),
         strokes=tuple(stroke for y, box in drawn for stroke in _strokes(box, y)),
         dots=tuple(dot for y, box in drawn for dot in _dots(box, y)),
         texts=tuple(headings),
@@ -50,7 +50,7 @@ def boxplot_plot(plot: BoxPlot, path: tuple[str, ...]) -> Plot:
 
 
 def _rows(plot: BoxPlot) -> Iterator[tuple[int, Box | str]]:
-    """Give the rows from the top: boxes, and the names of agents above their own where there are several."""
+    """Yield the rows from the top: boxes, and above those of each agent its name if there are several agents."""
     row = 0
     for agent, boxes in groupby(plot.boxes, key=lambda box: box.agent):
         if not plot.agent:
@@ -62,7 +62,7 @@ def _rows(plot: BoxPlot) -> Iterator[tuple[int, Box | str]]:
 
 
 def _strokes(box: Box, y: float) -> Iterator[Stroke]:
-    label = _said(box)
+    label = _label(box)
     yield Stroke(((box.median, y - _HALF), (box.median, y + _HALF)), "ink", 2.5, label)
     for foot, tip in ((box.q25, box.low), (box.q75, box.high)):
         yield Stroke(((foot, y), (tip, y)), _BLUE, 1.5, label)
@@ -75,7 +75,7 @@ def _dots(box: Box, y: float) -> Iterator[Dot]:
     yield Dot((box.mean, y), 5.0, WHITE, f"{box.agent}, {box.task}: mean {box.mean:.3f} s", rim=CARD)
 
 
-def _said(box: Box) -> str:
+def _label(box: Box) -> str:
     return (
         f"{box.agent}, {box.task}: median {box.median:.3f} s, quartiles {box.q25:.3f} to {box.q75:.3f} s, "
         f"mean {box.mean:.3f} s, n = {box.count:,}"

@@ -48,7 +48,7 @@ class Matrix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Further:
-    """What else a campaign may show: frames of the schemas that their names say."""
+    """Further frames that a campaign may show. Each field is named after its schema."""
 
     metrics: pl.DataFrame = field(default_factory=METRICS.to_frame)
     plan_labels: pl.DataFrame = field(default_factory=PLAN_LABELS.to_frame)
@@ -95,9 +95,9 @@ def campaign_figures(
     kept_synergies, _ = _first_pairs(synergies, pair_overlaps)
     synergy, seconds, ratio = _matrices(kept_overlaps, kept_synergies)
     coefficients = [
-        coefficients_plot(one, ("coefficients", *one.agents)) for one in synergy_coefficients(kept_synergies)
+        coefficients_plot(plot, ("coefficients", *plot.agents)) for plot in synergy_coefficients(kept_synergies)
     ]
-    boxes = [boxplot_plot(one, ("durations", one.agent or "all")) for one in duration_boxes(intervals)]
+    boxes = [boxplot_plot(plot, ("durations", plot.agent or "all")) for plot in duration_boxes(intervals)]
     pages = (
         _heatmap_page("Synergy", synergy),
         Page("Coefficients", tuple(coefficients)),
@@ -122,14 +122,18 @@ def campaign_figures(
 
 def _matrices(pair_overlaps: pl.DataFrame, synergies: pl.DataFrame) -> tuple[list[Matrix], list[Matrix], list[Matrix]]:
     """Return the matrices of synergies, of seconds together and of shares of tasks."""
-    found = [Matrix(("synergy", *one.agents), one) for one in synergy_heatmaps(synergies)]
-    both = overlap_matrices(pair_overlaps)
-    seconds = [Matrix(("overlap", "seconds", *one.agents), one) for one, _ in both]
-    return found, seconds, [Matrix(("overlap", "ratio", *one.agents), one) for _, one in both]
+    synergy_matrices = [Matrix(("synergy", *heatmap.agents), heatmap) for heatmap in synergy_heatmaps(synergies)]
+    overlaps = overlap_matrices(pair_overlaps)
+    seconds = [Matrix(("overlap", "seconds", *heatmap.agents), heatmap) for heatmap, _ in overlaps]
+    return (
+        synergy_matrices,
+        seconds,
+        [Matrix(("overlap", "ratio", *heatmap.agents), heatmap) for _, heatmap in overlaps],
+    )
 
 
 def _settling_pages(further: Further, pair_overlaps: pl.DataFrame) -> tuple[Page, Page]:
-    """Return how estimates settled as runs came in: curves, and the synergies after so many runs."""
+    """Return two pages: estimates as curves over the number of runs, and synergies after growing numbers of runs."""
     settling, _ = _first_pairs(further.settling, pair_overlaps)
     curves = (*settling_curves(settling, note=further.settling_note), *duration_curves(further.settling_durations))
     return Page("Settling", curves), Page(
@@ -138,41 +142,41 @@ def _settling_pages(further: Further, pair_overlaps: pl.DataFrame) -> tuple[Page
 
 
 def _heatmap_page(name: str, matrices: Sequence[Matrix]) -> Page:
-    return Page(name, tuple(heatmap_plot(one.heatmap, one.path) for one in matrices))
+    return Page(name, tuple(heatmap_plot(matrix.heatmap, matrix.path) for matrix in matrices))
 
 
 def _first_pairs(frame: pl.DataFrame, pair_overlaps: pl.DataFrame) -> tuple[pl.DataFrame, tuple[str, ...]]:
-    """Return the rows of the ordered pairs of agents that are drawn: those that overlap most, and what is not drawn."""
+    """Return the rows of the ordered pairs of agents that overlap most, and a caption about the other pairs."""
     pairs = frame.select("agent", "other_agent").unique()
     if pairs.height <= MAX_AGENT_PAIRS:
         return frame, ()
     overlap = pair_overlaps.group_by("agent", "other_agent").agg(pl.col("overlap_s").sum())
-    most = pairs.join(overlap, on=["agent", "other_agent"], how="left").sort(
+    by_overlap = pairs.join(overlap, on=["agent", "other_agent"], how="left").sort(
         "overlap_s", "agent", "other_agent", descending=[True, False, False], nulls_last=True
     )
-    chosen = most.head(MAX_AGENT_PAIRS).select("agent", "other_agent")
-    kept = frame.join(chosen, on=["agent", "other_agent"], how="semi", maintain_order="left")
-    drawn = f"Matrices and coefficients of {MAX_AGENT_PAIRS} of {pairs.height} pairs of agents are drawn"
-    return kept, (f"{drawn}, those that overlap most; the tables have all.",)
+    drawn_pairs = by_overlap.head(MAX_AGENT_PAIRS).select("agent", "other_agent")
+    rows = frame.join(drawn_pairs, on=["agent", "other_agent"], how="semi", maintain_order="left")
+    sentence = f"Matrices and coefficients of {MAX_AGENT_PAIRS} of {pairs.height} pairs of agents are drawn"
+    return rows, (f"{sentence}, those that overlap most; the tables have all.",)
 
 
 def _tables(
     durations: pl.DataFrame, synergies: pl.DataFrame, runs: pl.DataFrame, diagnostics: Sequence[Diagnostic]
 ) -> tuple[DataTable, ...]:
-    found = pl.DataFrame(
+    diagnostic_rows = pl.DataFrame(
         [[item.severity, item.code, item.message, item.run_id, item.path] for item in diagnostics],
         schema=dict.fromkeys(("severity", "code", "message", "run_id", "path"), pl.String),
         orient="row",
     )
-    spoken = runs.with_columns(pl.col("agents").list.join(", ")).drop("start_ns", "end_ns")
+    run_rows = runs.with_columns(pl.col("agents").list.join(", ")).drop("start_ns", "end_ns")
     return (
         DataTable("durations", "Durations", durations.select(_TIMES), "Seconds; over executions that succeeded."),
         DataTable(
             "fits", "Fitted distributions", durations.select(_FITS), "By maximum likelihood; AIC: less is better."
         ),
         DataTable("synergies", "Synergies", synergies, "Unobserved pairs have no numbers."),
-        DataTable("runs", "Runs", spoken),
-        DataTable("diagnostics", "Diagnostics", found, "What was remarkable about the logs."),
+        DataTable("runs", "Runs", run_rows),
+        DataTable("diagnostics", "Diagnostics", diagnostic_rows, "What was remarkable about the logs."),
     )
 
 
@@ -188,6 +192,6 @@ def _facts(
 
 
 def _campaign_id(runs: pl.DataFrame) -> str:
-    """Return an id that is the same for the same runs, in whatever order."""
+    """Return an id of the runs, which does not depend on their order."""
     text = "\n".join(sorted(runs["run_id"].to_list()))
     return "campaign-" + hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""The cell of a run in three dimensions: what stands in it, what moves how, and which floor areas are lit."""
+"""The cell of a run in three dimensions: what stands in it, how things move, and which floor areas are lit."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class JointTrack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Machine:
-    """An agent with a body: `name` is a plain word of its own, `joints` are those that were logged."""
+    """An agent with a body. `name` is unique and a plain word; `joints` are those that were logged."""
 
     agent: str
     name: str
@@ -63,7 +63,7 @@ class MovedBox:
 
 @dataclass(frozen=True, slots=True)
 class LitArea:
-    """A floor area, the colour of its rim, and the colours it changes to at ns since the first event, one at least."""
+    """A floor area, the colour of its rim, and its colours (at least one) from ns since the first event on."""
 
     area: Area
     rim: Color
@@ -73,7 +73,7 @@ class LitArea:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellFigure:
-    """What to draw of a cell; larger areas come first, `low` and `high` (m) are the corners of what it holds."""
+    """What to draw of a cell. Larger areas come first. `low` and `high` (m) are the corners of its contents."""
 
     machines: tuple[Machine, ...]
     boxes: tuple[MovedBox, ...]
@@ -99,7 +99,7 @@ def cell_figure(
     """
     machines, captions = _machines(cell, signals, origin_ns, start_ns)
     scene = cell.scene
-    boxes = tuple(_moved(box, cell.poses, origin_ns, start_ns) for box in scene.boxes)
+    boxes = tuple(_moved_box(box, cell.poses, origin_ns, start_ns) for box in scene.boxes)
     unknown = cell.poses.filter(~pl.col("name").is_in([box.name for box in scene.boxes]))["name"].unique().sort()
     if len(unknown):
         name = shorten(unknown[0], 40)
@@ -110,7 +110,7 @@ def cell_figure(
         low[:2] -= _BESIDE_M
         high[:2] += _BESIDE_M
     by_size = sorted(scene.areas, key=_square_metres, reverse=True)
-    areas = tuple(_lit(area, events, origin_ns, start_ns) for area in by_size)
+    areas = tuple(_lit_area(area, events, origin_ns, start_ns) for area in by_size)
     return CellFigure(machines, boxes, scene.fixtures, areas, scene.slots, low, high, captions=tuple(captions))
 
 
@@ -118,43 +118,43 @@ def _machines(
     cell: RunScene, signals: pl.DataFrame, origin_ns: int, start_ns: int
 ) -> tuple[tuple[Machine, ...], list[str]]:
     bases = {base.name: base for base in cell.scene.bases}
-    found: list[Machine] = []
+    machines: list[Machine] = []
     captions: list[str] = []
     for agent in sorted(cell.descriptions)[:MAX_AGENTS]:
-        name, who = f"agent_{topic_name(agent)}", shorten(agent, 40)
+        name, label = f"agent_{topic_name(agent)}", shorten(agent, 40)
         try:
             urdf = drawable(cell.descriptions[agent], name)
         except ValueError as error:
-            captions.append(f"The body of {who!r}: {shorten(str(error), 200)}.")
+            captions.append(f"The body of {label!r}: {shorten(str(error), 200)}.")
             continue
-        captions += [f"Of the body of {who!r}: {what}." for what in urdf.left_out]
+        captions += [f"Of the body of {label!r}: {omission}." for omission in urdf.left_out]
         tracks = [_joint(signals, f"{agent}/{joint}", joint, origin_ns, start_ns) for joint in urdf.joints]
         base = bases.get(agent, Base(agent, (0.0, 0.0, 0.0)))
-        found.append(Machine(agent, name, urdf, base, tuple(track for track in tracks if len(track.times_ns))))
+        machines.append(Machine(agent, name, urdf, base, tuple(track for track in tracks if len(track.times_ns))))
     if len(cell.descriptions) > MAX_AGENTS:
         further = len(cell.descriptions) - MAX_AGENTS
         captions.append(f"{counted(further, 'further agent with a body', 'further agents with bodies')}.")
-    return tuple(found), captions
+    return tuple(machines), captions
 
 
 def _joint(signals: pl.DataFrame, signal: str, joint: str, origin_ns: int, start_ns: int) -> JointTrack:
-    own = signals.filter((pl.col("name") == signal) & pl.col("value").is_between(-_FARTHEST, _FARTHEST))
-    own = own.sort("time_ns", maintain_order=True)
-    times, values = own["time_ns"].to_numpy() - origin_ns, own["value"].to_numpy()
+    samples = signals.filter((pl.col("name") == signal) & pl.col("value").is_between(-_FARTHEST, _FARTHEST))
+    samples = samples.sort("time_ns", maintain_order=True)
+    times, values = samples["time_ns"].to_numpy() - origin_ns, samples["value"].to_numpy()
     if len(times) and times[0] > start_ns:  # it stood before
         times, values = np.insert(times, 0, start_ns), np.insert(values, 0, values[0])
-    drawn = _limited(worth_drawing(times, values[:, None]))
-    return JointTrack(joint, times[drawn], values[drawn])
+    indices = _limit_samples(worth_drawing(times, values[:, None]))
+    return JointTrack(joint, times[indices], values[indices])
 
 
-def _moved(box: Box, poses: pl.DataFrame, origin_ns: int, start_ns: int) -> MovedBox:
-    own = poses.filter(pl.col("name") == box.name).sort("time_ns", maintain_order=True)
-    times = own["time_ns"].to_numpy() - origin_ns
-    rest = [*box.position, *quaternion(box.yaw)]
-    values = np.vstack([rest, own.select("x", "y", "z", "qx", "qy", "qz", "qw").to_numpy()])
+def _moved_box(box: Box, poses: pl.DataFrame, origin_ns: int, start_ns: int) -> MovedBox:
+    box_poses = poses.filter(pl.col("name") == box.name).sort("time_ns", maintain_order=True)
+    times = box_poses["time_ns"].to_numpy() - origin_ns
+    resting_pose = [*box.position, *quaternion(box.yaw)]
+    values = np.vstack([resting_pose, box_poses.select("x", "y", "z", "qx", "qy", "qz", "qw").to_numpy()])
     times = np.insert(times, 0, min([start_ns, *times[:1].tolist()]))
-    drawn = _limited(worth_drawing(times, values))
-    return MovedBox(box, times[drawn], values[drawn, :3], values[drawn, 3:])
+    indices = _limit_samples(worth_drawing(times, values))
+    return MovedBox(box, times[indices], values[indices, :3], values[indices, 3:])
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:
@@ -162,23 +162,23 @@ def quaternion(yaw: float) -> tuple[float, float, float, float]:
     return 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
 
 
-def _limited(drawn: IntArray) -> IntArray:
-    every = -(-len(drawn) // MAX_SAMPLES)
-    return drawn if every <= 1 else np.union1d(drawn[::every], drawn[-1:])
+def _limit_samples(indices: IntArray) -> IntArray:
+    step = -(-len(indices) // MAX_SAMPLES)
+    return indices if step <= 1 else np.union1d(indices[::step], indices[-1:])
 
 
 def _square_metres(area: Area) -> float:
     return (area.high[0] - area.low[0]) * (area.high[1] - area.low[1])
 
 
-def _lit(area: Area, events: pl.DataFrame, origin_ns: int, start_ns: int) -> LitArea:
+def _lit_area(area: Area, events: pl.DataFrame, origin_ns: int, start_ns: int) -> LitArea:
     of_agent = pl.lit(True) if not area.agent else pl.col("agent") == area.agent
     changes = events.filter((pl.col("kind") == "safety_state_changed") & of_agent)
     dark = blend(CARD, _KINDS[area.kind], _FAINT)
     times, colors = [start_ns], [dark]
     for time_ns, mode, zone, scale in changes.select("time_ns", "mode", "zone", "speed_scale").rows():
-        lit = _light(mode, scale) if zone == area.name else None
-        color = dark if lit is None else blend(CARD, lit, _LIT)
+        light = _light(mode, scale) if zone == area.name else None
+        color = dark if light is None else blend(CARD, light, _LIT)
         if color != colors[-1]:
             times.append(max(time_ns - origin_ns, start_ns))
             colors.append(color)
@@ -186,19 +186,19 @@ def _lit(area: Area, events: pl.DataFrame, origin_ns: int, start_ns: int) -> Lit
 
 
 def _light(mode: str, scale: float | None) -> Color | None:
-    """Return the colour of a safety state, None where it lets the agent go at full speed."""
+    """Return the colour of a safety state, None if it allows the agent full speed."""
     if scale is None:
         return FAILED if "stop" in mode else None if mode in ("", "normal") else REDUCED
     return FAILED if scale <= 0.1 else REDUCED if scale < 1 else None
 
 
 def _corners(scene: Scene, boxes: Sequence[MovedBox]) -> tuple[FloatArray, FloatArray]:
-    """Return the corners of what stands in the cell and where objects go."""
+    """Return the corners around everything in the cell and everywhere that objects go."""
     points = [(*side, 0.0) for area in scene.areas for side in (area.low, area.high)]
     points += [slot.position for slot in scene.slots] + [base.position for base in scene.bases]
-    found = [np.array(points).reshape(-1, 3), *[moved.positions for moved in boxes]]
-    found += [np.array(box.position) + np.array(box.size) / 2 * side for box in scene.fixtures for side in (-1, 1)]
-    together = np.vstack(found)
-    if not len(together):  # bodies alone
+    point_sets = [np.array(points).reshape(-1, 3), *[moved.positions for moved in boxes]]
+    point_sets += [np.array(box.position) + np.array(box.size) / 2 * side for box in scene.fixtures for side in (-1, 1)]
+    all_points = np.vstack(point_sets)
+    if not len(all_points):  # bodies alone
         return np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.5])
-    return together.min(axis=0), together.max(axis=0)
+    return all_points.min(axis=0), all_points.max(axis=0)

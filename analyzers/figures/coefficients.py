@@ -25,9 +25,9 @@ HOW_TO_READ: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """A factor, its standard error and interval (None where there is none), and how far it can be trusted.
+    """A factor, its standard error and interval (None if there is none), and its status.
 
-    `name` is short and unlike that of any other row; `full` says both tasks in full.
+    `name` is short and differs from that of every other row; `full` has both tasks in full.
     """
 
     name: str
@@ -58,14 +58,14 @@ def synergy_coefficients(synergies: pl.DataFrame, max_rows: int = MAX_ROWS) -> l
         synergies: a frame of schema `SYNERGIES`.
         max_rows: coefficients drawn per pair of agents; beyond it those of the longest overlap.
     """
-    called = agent_names(synergies)
+    agent_labels = agent_names(synergies)
     return [
-        _pair(agents, cells, max_rows, " | ".join(called[name] for name in agents))
+        _pair_coefficients(agents, cells, max_rows, " | ".join(agent_labels[name] for name in agents))
         for agents, cells in agent_pairs(synergies)
     ]
 
 
-def _pair(agents: tuple[str, str], cells: pl.DataFrame, max_rows: int, called: str) -> Coefficients:
+def _pair_coefficients(agents: tuple[str, str], cells: pl.DataFrame, max_rows: int, pair_label: str) -> Coefficients:
     observed = cells.filter(pl.col("synergy").is_not_null())
     captions = []
     if observed.height < cells.height:
@@ -78,29 +78,32 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame, max_rows: int, called: s
     names = pair_names(cells.select("task", "other_task").rows(), _PAIR)
     rows = [
         Coefficient(
-            *(names[task, with_], value, error, low, high, n or 0, status), f"{printable(task)} | {printable(with_)}"
+            *(names[task, other_task], value, error, low, high, n or 0, status),
+            f"{printable(task)} | {printable(other_task)}",
         )
-        for task, with_, value, error, low, high, n, status in observed.select(columns).iter_rows()
+        for task, other_task, value, error, low, high, n, status in observed.select(columns).iter_rows()
     ]
-    title = with_estimator(f"Synergy: {called}", cells)
+    title = with_estimator(f"Synergy: {pair_label}", cells)
     return Coefficients(agents, title, HOW_TO_READ, tuple(rows), tuple(captions))
 
 
 def pair_names(pairs: Sequence[tuple[str, str]], width: int) -> dict[tuple[str, str], str]:
-    """Return a name "A | B" per pair in which both can be told from the others of their side.
+    """Return a name "A | B" per pair, in which A and B differ from all other names on their side.
 
     Args:
-        pairs: of tasks: all that there are, drawn or not.
-        width: characters of A and B together. Either may have half of them, more where all others leave room; pairs
-            that fit stay whole.
+        pairs: all pairs of tasks, drawn or not.
+        width: characters of A and B together. Each may have half of them, or more if all names on the other side leave
+            room. Pairs that fit are not shortened.
     """
     firsts, seconds = ([printable(pair[side]) for pair in pairs] for side in (0, 1))
-    first, second = _shortened(firsts, seconds, width), _shortened(seconds, firsts, width)
+    first, second = _shorten_side(firsts, seconds, width), _shorten_side(seconds, firsts, width)
     return {
-        pair: f"{one} | {other}" if len(one) + len(other) <= width else f"{first[one]} | {second[other]}"
-        for pair, one, other in zip(pairs, firsts, seconds, strict=True)
+        pair: f"{task} | {other_task}"
+        if len(task) + len(other_task) <= width
+        else f"{first[task]} | {second[other_task]}"
+        for pair, task, other_task in zip(pairs, firsts, seconds, strict=True)
     }
 
 
-def _shortened(names: Sequence[str], others: Sequence[str], width: int) -> Mapping[str, str]:
+def _shorten_side(names: Sequence[str], others: Sequence[str], width: int) -> Mapping[str, str]:
     return shorten_apart(names, max(width // 2, width - max(map(len, others), default=0)))

@@ -30,11 +30,11 @@ _KEYS: Final = (
 def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
     """Return a row per coefficient with its 95 % interval.
 
-    Estimates are within the axis. Intervals that reach beyond 100 (beyond 5 on a linear axis, which is taken where a
-    factor is not above 0) are clipped, which an arrow says.
+    The axis holds all estimates. It is linear if a factor is not above 0, else logarithmic. Intervals that reach beyond
+    100 (beyond 5 on a linear axis) are clipped, and an arrow marks them.
     """
     log = all(row.value > 0 for row in plot.rows)
-    low, high, clipped = _ends(plot.rows, log=log)
+    low, high, clipped = _axis_ends(plot.rows, log=log)
     drawn = [(index + 0.5, row) for index, row in enumerate(plot.rows)]
     count = max(len(drawn), 1)
     names = tuple((y, f"{row.name} ({row.n})") for y, row in drawn)
@@ -50,12 +50,12 @@ def coefficients_plot(plot: Coefficients, path: tuple[str, ...]) -> Plot:
         texts=tuple(arrow for y, row in drawn for arrow in _arrows(row, y, (low, high))),
         dots=tuple(_dot(row, y) for y, row in drawn),
         keys=_KEYS if drawn else (),
-        notes=(*plot.captions, *_beyond(clipped)),
+        notes=(*plot.captions, *_clipped_note(clipped)),
     )
 
 
-def _ends(rows: Sequence[Coefficient], *, log: bool) -> tuple[float, float, int]:
-    """Return the ends of the axis, and how many intervals reach beyond them."""
+def _axis_ends(rows: Sequence[Coefficient], *, log: bool) -> tuple[float, float, int]:
+    """Return the ends of the axis, and how many intervals reach beyond it."""
     values = [row.value for row in rows]
     lows = [row.value if row.low is None else row.low for row in rows]
     highs = [row.value if row.high is None else row.high for row in rows]
@@ -66,7 +66,7 @@ def _ends(rows: Sequence[Coefficient], *, log: bool) -> tuple[float, float, int]
     return low, high, sum(first < low or last > high for first, last in zip(lows, highs, strict=True))
 
 
-def _beyond(clipped: int) -> tuple[str, ...]:
+def _clipped_note(clipped: int) -> tuple[str, ...]:
     if not clipped:
         return ()
     which = counted(clipped, "interval reaches", "intervals reach")
@@ -74,7 +74,7 @@ def _beyond(clipped: int) -> tuple[str, ...]:
 
 
 def _axis(low: float, high: float, *, log: bool) -> Axis:
-    """Return the axis of factors; on a logarithmic one, twice and half as long are equally far from 1."""
+    """Return the axis of factors. On a logarithmic axis, 2 and 0.5 are equally far from 1."""
     label = "factor on the duration"
     if log:
         return Axis(low / 1.02, high * 1.02, label, log_ticks(low, high), log=True, grid=True)
@@ -83,7 +83,7 @@ def _axis(low: float, high: float, *, log: bool) -> Axis:
 
 
 def _strokes(row: Coefficient, y: float, ends: tuple[float, float], *, log: bool) -> Iterator[Stroke]:
-    """Yield the interval, thin, and the standard error, thick; on a logarithmic axis that of the logarithm."""
+    """Yield a thin interval and a thick standard error, which on a logarithmic axis is that of the logarithm."""
     spans = []
     if row.low is not None and row.high is not None:
         spans.append((row.low, row.high, 1.5))
@@ -93,11 +93,11 @@ def _strokes(row: Coefficient, y: float, ends: tuple[float, float], *, log: bool
     elif row.std_err is not None:
         spans.append((row.value - row.std_err, row.value + row.std_err, 4.5))
     for low, high, width in spans:
-        yield Stroke(((max(low, ends[0]), y), (min(high, ends[1]), y)), _paint(row), width, _said(row))
+        yield Stroke(((max(low, ends[0]), y), (min(high, ends[1]), y)), _paint(row), width, _label(row))
 
 
 def _arrows(row: Coefficient, y: float, ends: tuple[float, float]) -> Iterator[Text]:
-    """Yield an arrow head where an interval goes on beyond the axis."""
+    """Yield an arrow head at each end of the axis that an interval reaches beyond."""
     if row.low is not None and row.low < ends[0]:
         yield Text((ends[0], y), "◂", _paint(row), 14)
     if row.high is not None and row.high > ends[1]:
@@ -106,7 +106,7 @@ def _arrows(row: Coefficient, y: float, ends: tuple[float, float]) -> Iterator[T
 
 def _dot(row: Coefficient, y: float) -> Dot:
     paint = _paint(row)
-    return Dot((row.value, y), 5.0, paint if row.status in ("", "ok") else "card", _said(row), rim=paint)
+    return Dot((row.value, y), 5.0, paint if row.status in ("", "ok") else "card", _label(row), rim=paint)
 
 
 def _paint(row: Coefficient) -> Paint:
@@ -114,7 +114,7 @@ def _paint(row: Coefficient) -> Paint:
     return (_LONGER if row.value > 1 else _SHORTER) if certain else _UNSURE
 
 
-def _said(row: Coefficient) -> str:
+def _label(row: Coefficient) -> str:
     error = f" +- {row.std_err:.3f}" if row.std_err is not None else ""
     interval = f" (95 % {row.low:.3f} to {row.high:.3f})" if row.low is not None and row.high is not None else ""
     return f"{row.full}: {row.value:.3f}{error}{interval}, n = {row.n}, {row.status}"

@@ -30,7 +30,7 @@ _TICK_PX: Final = 44
 
 @dataclass(frozen=True, slots=True)
 class Knot:
-    """What was known after so many runs: a value above 0, the ends of its interval where there is one, and in words."""
+    """An estimate after a number of runs: a value above 0, the ends of its interval if there is one, and a label."""
 
     runs: int
     value: float
@@ -41,14 +41,14 @@ class Knot:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A name, and one knot per step, None where nothing is known; the last one is known."""
+    """A name, and one knot per step, None where nothing is known. The last knot is never None."""
 
     name: str
     knots: tuple[Knot | None, ...]
 
     @property
     def last(self) -> Knot:
-        """Return what is known after all runs."""
+        """Return the estimate after all runs."""
         last = self.knots[-1]
         assert last is not None  # noqa: S101 - see above
         return last
@@ -63,7 +63,7 @@ class _Area:
     names: float
 
     def clipped(self, value: float | None, otherwise: float) -> float:
-        """Return a value on the y axis."""
+        """Return a value clipped to the y axis."""
         return otherwise if value is None else min(max(value, self.y.low), self.y.high)
 
 
@@ -80,8 +80,8 @@ def curves_plot(
 ) -> Plot:
     """Return a plot of curves, each in its colour.
 
-    The axis holds all values and the intervals that are not far from them; what of these reaches beyond is clipped,
-    which is said.
+    The axis holds all values, and the intervals that do not reach far beyond them. Intervals that do are clipped, and
+    a note says so.
 
     Args:
         path: of the plot.
@@ -95,9 +95,9 @@ def curves_plot(
     """
     area = _area(curves, numbers, label, level)
     colored = list(zip(curves, LINES, strict=False))
-    heights = _apart([curve.last.value for curve in curves], area.y)
-    known = [knot for curve in curves for knot in curve.knots if knot]
-    clipped = any(area.clipped(end, 0.0) != (end or 0.0) for knot in known for end in (knot.low, knot.high))
+    heights = _name_heights([curve.last.value for curve in curves], area.y)
+    known_knots = [knot for curve in curves for knot in curve.knots if knot]
+    clipped = any(area.clipped(end, 0.0) != (end or 0.0) for knot in known_knots for end in (knot.low, knot.high))
     return Plot(
         path=path,
         title=title,
@@ -125,7 +125,7 @@ def curves_plot(
 
 
 def _area(curves: Sequence[Curve], numbers: Sequence[int], label: str, level: float | None) -> _Area:
-    low, high = _reach(curves, level)
+    low, high = _value_range(curves, level)
     pad = max(math.exp(0.04 * (math.log(high) - math.log(low))), 1 + 1e-6) if high > low else 1.1
     # the least numbers that a float64 holds cannot be padded
     low = low / pad or low
@@ -135,22 +135,22 @@ def _area(curves: Sequence[Curve], numbers: Sequence[int], label: str, level: fl
     left = math.exp(math.log(first) - 0.03 * reach)
     right = math.exp(math.log(last) + 1.03 * reach * _NAMES / (1 - _NAMES))
     names = math.exp(math.log(last) + 0.05 * reach)
-    x = Axis(left, right, "runs so far", _numbers(numbers, left, right), log=True)
+    x = Axis(left, right, "runs so far", _run_ticks(numbers, left, right), log=True)
     return _Area(x, Axis(low, high, label, log_ticks(low, high), log=True), names)
 
 
-def _reach(curves: Sequence[Curve], level: float | None) -> tuple[float, float]:
+def _value_range(curves: Sequence[Curve], level: float | None) -> tuple[float, float]:
     knots = [knot for curve in curves for knot in curve.knots if knot]
     values = [knot.value for knot in knots] + ([] if level is None else [level])
     low, high = least, most = min(values), max(values)
-    for some, furthest in ((knots, _FURTHER), ([curve.last for curve in curves], _FURTHEST)):
-        low = max(min([low, *(knot.low for knot in some if knot.low is not None)]), min(low, least / furthest))
-        high = min(max([high, *(knot.high for knot in some if knot.high is not None)]), max(high, most * furthest))
+    for group, furthest in ((knots, _FURTHER), ([curve.last for curve in curves], _FURTHEST)):
+        low = max(min([low, *(knot.low for knot in group if knot.low is not None)]), min(low, least / furthest))
+        high = min(max([high, *(knot.high for knot in group if knot.high is not None)]), max(high, most * furthest))
     return low, high
 
 
-def _numbers(numbers: Sequence[int], low: float, high: float) -> tuple[tuple[float, str], ...]:
-    """Return a tick per step, from the right, unless there is no room for it."""
+def _run_ticks(numbers: Sequence[int], low: float, high: float) -> tuple[tuple[float, str], ...]:
+    """Return a tick per step, chosen from the right; steps without room have no tick."""
     ticks: list[tuple[float, str]] = []
     for number in reversed(numbers):
         if not ticks or WIDE * math.log(ticks[-1][0] / number) / math.log(high / low) >= _TICK_PX:
@@ -159,7 +159,7 @@ def _numbers(numbers: Sequence[int], low: float, high: float) -> tuple[tuple[flo
 
 
 def log_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
-    """Return round numbers for a logarithmic axis: powers of ten, and where these are few finer ones between them.
+    """Return round numbers for a logarithmic axis: powers of ten, and finer ones between them if these are few.
 
     Args:
         low: above 0.
@@ -167,8 +167,8 @@ def log_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
     """
     powers = range(math.floor(math.log10(low)), math.floor(math.log10(high)) + 1)
     for bases in ((1,), (1, 2, 5), (1, 1.5, 2, 3, 5, 7)):
-        found = [base * 10.0**power for power in powers for base in bases]
-        inside = [value for value in found if low <= value <= high]
+        candidates = [base * 10.0**power for power in powers for base in bases]
+        inside = [value for value in candidates if low <= value <= high]
         if len(inside) >= _FEWEST_TICKS:
             return tuple((value, f"{value:g}") for value in inside[:: math.ceil(len(inside) / _MOST_TICKS)])
     least = (high - low) / 8
@@ -181,7 +181,7 @@ def log_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
 
 
 def _levels(area: _Area, level: float | None) -> Iterator[Stroke]:
-    """Yield a line per tick and the level that is marked; they end before the names."""
+    """Yield a line per tick, and one at the marked level. They end before the names."""
     for value, _ in area.y.ticks:
         yield Stroke(((area.x.low, value), (area.names, value)), "grid", 1.0)
     if level is not None:
@@ -209,16 +209,16 @@ def _strokes(curve: Curve, color: Color, area: _Area) -> Iterator[Stroke]:
 
 
 def _parts(knots: Sequence[Knot | None]) -> list[list[Knot]]:
-    """Return the knots that follow each other without one that is not known."""
-    return [[knot for knot in part if knot] for known, part in groupby(knots, key=bool) if known]
+    """Return the knots in groups that no missing knot interrupts."""
+    return [[knot for knot in part if knot] for is_known, part in groupby(knots, key=bool) if is_known]
 
 
 def _leader(curve: Curve, color: Color, height: float, area: _Area) -> Stroke:
     return Stroke(((float(curve.last.runs), curve.last.value), (area.names, height)), color, 1.0)
 
 
-def _apart(values: Sequence[float], y: Axis) -> list[float]:
-    """Return where the names stand: as near to the values as they can without covering each other.
+def _name_heights(values: Sequence[float], y: Axis) -> list[float]:
+    """Return the heights of the names: as near to the values as possible, without covering each other.
 
     Names that would overlap form a block around their mean (pool adjacent violators, which is least squares).
     """
@@ -226,9 +226,9 @@ def _apart(values: Sequence[float], y: Axis) -> list[float]:
     shares = (np.log(np.array(values)) - math.log(y.low)) / reach
     gap = _LINE_PX / _HEIGHT
     order = np.argsort(shares, kind="stable")
-    wanted = shares[order] - gap * np.arange(len(values))
+    targets = shares[order] - gap * np.arange(len(values))
     blocks: list[FloatArray] = []
-    for value in wanted:
+    for value in targets:
         blocks.append(np.array([value]))
         while len(blocks) > 1 and blocks[-2].mean() > blocks[-1].mean():
             blocks[-2:] = [np.concatenate(blocks[-2:])]

@@ -1,4 +1,4 @@
-"""What the flat events of a run add to its picture: pauses, safety states, and the log to read."""
+"""What the flat events of a run add to its picture: pauses, safety states, and a readable log."""
 
 from __future__ import annotations
 
@@ -48,28 +48,28 @@ def event_lines(events: pl.DataFrame, origin_ns: int, max_lines: int = MAX_LINES
 
 
 def pauses(events: pl.DataFrame, end_ns: int) -> dict[str, list[tuple[int, int, str]]]:
-    """Return execution id -> pauses (start_ns, end_ns, cause) in order; one that is not resumed lasts to `end_ns`."""
-    found: dict[str, list[tuple[int, int, str]]] = {}
-    begun: dict[str, tuple[int, str]] = {}
+    """Return execution id -> pauses (start_ns, end_ns, cause) in order. A pause without an end lasts until `end_ns`."""
+    pauses_by_execution: dict[str, list[tuple[int, int, str]]] = {}
+    open_pauses: dict[str, tuple[int, str]] = {}
     turns = events.filter(pl.col("kind").is_in(("task_paused", "task_resumed", "task_ended")))
     for execution, kind, time_ns, cause in turns.select("execution_id", "kind", "time_ns", "cause").rows():
         if kind == "task_paused":
-            begun.setdefault(execution, (time_ns, cause))
-        elif execution in begun:
-            start, why = begun.pop(execution)
-            found.setdefault(execution, []).append((start, time_ns, why))
-    for execution, (start, why) in begun.items():
-        found.setdefault(execution, []).append((start, end_ns, why))
-    return found
+            open_pauses.setdefault(execution, (time_ns, cause))
+        elif execution in open_pauses:
+            start, cause_text = open_pauses.pop(execution)
+            pauses_by_execution.setdefault(execution, []).append((start, time_ns, cause_text))
+    for execution, (start, cause_text) in open_pauses.items():
+        pauses_by_execution.setdefault(execution, []).append((start, end_ns, cause_text))
+    return pauses_by_execution
 
 
 def safety_lanes(events: pl.DataFrame, origin_ns: int, end_ns: int) -> list[Lane]:
-    """Return a lane per agent that has safety states; each lasts until the next, the last one until `end_ns`."""
+    """Return a lane per agent that has safety states. Each state lasts until the next one, the last until `end_ns`."""
     rows = events.filter(pl.col("kind") == "safety_state_changed")
     lanes = []
-    for (agent,), own in rows.group_by("agent", maintain_order=True):
-        times = own["time_ns"].to_list()
-        states = own.select("mode", "zone", "speed_scale").rows()
+    for (agent,), agent_rows in rows.group_by("agent", maintain_order=True):
+        times = agent_rows["time_ns"].to_list()
+        states = agent_rows.select("mode", "zone", "speed_scale").rows()
         bars = [
             Bar(start - origin_ns, end - origin_ns, _safety_label(mode, zone, scale), _safety_color(mode, scale))
             for start, end, (mode, zone, scale) in zip(times, [*times[1:], max(end_ns, times[-1])], states, strict=True)
@@ -92,8 +92,8 @@ def _safety_color(mode: str, scale: float | None) -> Color:
 def _text(
     kind: str, agent: str, task: str, outcome: str, reason: str, cause: str, mode: str, zone: str, scale: float | None
 ) -> str:
-    who = " ".join(part for part in (agent, task) if part)
-    what = [
+    subject = " ".join(part for part in (agent, task) if part)
+    details = [
         outcome,
         cause,
         mode,
@@ -101,5 +101,7 @@ def _text(
         f"speed {scale:g}" if scale is not None else "",
         reason,
     ]
-    said = ", ".join(part for part in what if part)
-    return printable(f"{kind.replace('_', ' ')}{': ' if who else ''}{who}{f' ({said})' if said else ''}")
+    detail_text = ", ".join(part for part in details if part)
+    return printable(
+        f"{kind.replace('_', ' ')}{': ' if subject else ''}{subject}{f' ({detail_text})' if detail_text else ''}"
+    )

@@ -1,4 +1,4 @@
-"""What each agent did, was planned to do and was allowed to do, as lanes of bars over the time of a run."""
+"""Lanes of bars over the time of a run: what each agent did, what was planned, and its safety states."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MARKS: Final = {"failed": "✗ ", "timed_out": "✗ ", "canceled": "- ", "skipp
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """Half-open [start_ns, end_ns) since the first event of the run, what it says and its colour."""
+    """A half-open span [start_ns, end_ns) since the first event of the run, with a label and a colour."""
 
     start_ns: int
     end_ns: int
@@ -47,7 +47,7 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """Bars of one agent that do not overlap; `number` > 0 where the agent does several things at once."""
+    """Bars of one agent that do not overlap; `number` is above 0 if the agent does several things at once."""
 
     agent: str
     kind: LaneKind
@@ -71,51 +71,51 @@ def execution_lanes(
     origin_ns: int,
     tasks: Collection[str] = (),
 ) -> list[Lane]:
-    """Return the lanes of what was done: failures, pauses, retries and open ends differ in label and colour.
+    """Return the lanes of executions and plans. Failures, pauses, retries and open ends differ in label and colour.
 
     Args:
         intervals: the executions of one run, schema `INTERVALS`.
         pauses: execution id -> (start_ns, end_ns, cause), see `events.pauses`.
         origin_ns: becomes 0.
-        tasks: further ones that have colours, so that those of several runs have the same.
+        tasks: further tasks that get colours, so that several runs share the same colours.
     """
     rows = intervals.select(_COLUMNS).rows(named=True)
     rows.sort(key=lambda row: (row["agent"], row["start_ns"], -row["until_ns"]))  # a sequence goes before its steps
     colors = task_colors([*(row["task"] for row in rows), *tasks])
     lanes: list[Lane] = []
     for agent in dict.fromkeys(row["agent"] for row in rows):
-        own = [row for row in rows if row["agent"] == agent]
-        bars = [_execution_bars(row, colors, pauses.get(row["execution_id"], ()), origin_ns) for row in own]
-        lanes += _lanes(agent, "done", [(row["start_ns"], row["until_ns"]) for row in own], bars)
-        lanes += _planned_lanes(agent, own, colors, origin_ns)
+        agent_rows = [row for row in rows if row["agent"] == agent]
+        bars = [_execution_bars(row, colors, pauses.get(row["execution_id"], ()), origin_ns) for row in agent_rows]
+        lanes += _lanes(agent, "done", [(row["start_ns"], row["until_ns"]) for row in agent_rows], bars)
+        lanes += _planned_lanes(agent, agent_rows, colors, origin_ns)
     return lanes
 
 
 def limited(lanes: Sequence[Lane], max_lanes: int = MAX_LANES) -> tuple[tuple[Lane, ...], tuple[str, ...]]:
-    """Return at most `max_lanes` lanes, and captions that say what is not to be seen."""
+    """Return at most `max_lanes` lanes, and captions about what is not visible."""
     captions = []
     if len(lanes) > max_lanes:
         captions.append(f"The first {max_lanes} of {len(lanes)} lanes are drawn.")
-    shown = tuple(lanes[:max_lanes])
-    instants = sum(bar.start_ns >= bar.end_ns for lane in shown for bar in lane.bars)
+    drawn_lanes = tuple(lanes[:max_lanes])
+    instants = sum(bar.start_ns >= bar.end_ns for lane in drawn_lanes for bar in lane.bars)
     if instants:
         which = counted(instants, "execution without length is", "executions without length are")
         captions.append(f"{which} listed in the tables, with no bar to see.")
-    return shown, tuple(captions)
+    return drawn_lanes, tuple(captions)
 
 
 def legend(intervals: pl.DataFrame, tasks: Collection[str] = ()) -> tuple[tuple[str, Color], ...]:
     """Return the tasks of a run with the colours of their bars, sorted by name; `tasks` as for `execution_lanes`."""
-    own = set(intervals["task"])
-    colors = task_colors([*own, *tasks])
-    return tuple((shorten(task, LABEL_WIDTH), color) for task, color in colors.items() if task in own)
+    run_tasks = set(intervals["task"])
+    colors = task_colors([*run_tasks, *tasks])
+    return tuple((shorten(task, LABEL_WIDTH), color) for task, color in colors.items() if task in run_tasks)
 
 
 def state_changes(lane: Lane) -> tuple[list[int], list[str]]:
     """Return (instants, states) of a lane: its label at each start, "" at each end.
 
-    The end comes before a start at the same instant, else two equal neighbours would look like one; what has no length
-    says nothing.
+    An end comes before a start at the same instant, else two equal neighbours would look like one bar. Bars without
+    length are left out.
     """
     instants: list[int] = []
     states: list[str] = []
@@ -140,8 +140,8 @@ def _execution_bars(
         color, ending = blend(color, OPEN, 0.5), " still open"
     label = f"{mark}{retry}{name}{ending}"
     bars, at = [], row["start_ns"]
-    for begun, resumed, cause in pauses:
-        start, end = max(begun, at), min(resumed, row["until_ns"])
+    for paused, resumed, cause in pauses:
+        start, end = max(paused, at), min(resumed, row["until_ns"])
         if start < end:
             bars.append(Bar(at - origin_ns, start - origin_ns, label, color))
             bars.append(
@@ -158,7 +158,7 @@ def _planned_lanes(agent: str, rows: Sequence[dict[str, Any]], colors: dict[str,
         for row in rows
         if row["planned_start_ns"] is not None and row["planned_end_ns"] is not None
     }
-    spans = _clipped(sorted(span for span in planned if span[0] <= span[1]))
+    spans = _clip_rounding(sorted(span for span in planned if span[0] <= span[1]))
     bars = [
         [Bar(start - origin_ns, end - origin_ns, shorten(task, LABEL_WIDTH), blend(colors[task], MUTED, 0.55))]
         for start, end, task in spans
@@ -166,8 +166,8 @@ def _planned_lanes(agent: str, rows: Sequence[dict[str, Any]], colors: dict[str,
     return _lanes(agent, "planned", [span[:2] for span in spans], bars)
 
 
-def _clipped(spans: list[tuple[int, int, str]]) -> list[tuple[int, int, str]]:
-    """Return the spans without overlaps that only rounding made, so that they share a lane."""
+def _clip_rounding(spans: list[tuple[int, int, str]]) -> list[tuple[int, int, str]]:
+    """Return the spans without overlaps caused by rounding alone, so that they share a lane."""
     starts = [span[0] for span in spans[1:]]
     return [
         (start, following if 0 <= end - following <= _ROUNDING_NS and following >= start else end, task)

@@ -16,7 +16,7 @@ HOW_TO_READ: Final = (
 )
 
 LEFT: Final = 200
-"""Px for the names of lanes, and above its signals for theirs: all share one time axis."""
+"""Px for the names of lanes and of signals, so that all plots share one time axis."""
 
 _MOST_TASKS: Final = 16
 _ROW: Final = 30
@@ -26,7 +26,7 @@ _S: Final = 1e9
 
 
 def gantt_plot(gantt: Gantt, path: tuple[str, ...]) -> Plot:
-    """Return the lanes from the top, agents in order, as they are in the Rerun timeline."""
+    """Return the timeline: lanes from the top, agents in the order of the Rerun timeline."""
     rows = list(enumerate(gantt.lanes))
     count = max(len(rows), 1)
     x = seconds_axis(gantt)
@@ -47,7 +47,7 @@ def gantt_plot(gantt: Gantt, path: tuple[str, ...]) -> Plot:
 
 
 def seconds_axis(gantt: Gantt) -> Axis:
-    """Return the time axis of a run, the same for its timeline and its signals, s since its first event."""
+    """Return the time axis that the timeline and the signals of a run share, s since its first event."""
     low, high = gantt.start_ns / _S, gantt.end_ns / _S
     margin = max((high - low) / 200, 1e-3)
     return Axis(low - margin, high + margin, "seconds since the run's first event", grid=True)
@@ -65,7 +65,7 @@ def _rect(lane: Lane, y: float, bar: Bar) -> Rect:
 
 
 def _texts(lane: Lane, y: float, bar: Bar, px_per_s: float) -> Iterator[Text]:
-    """Give a bar's label, or only its beginning where the whole does not fit."""
+    """Yield a bar's label, or only its beginning if the whole does not fit."""
     if lane.kind == "safety":
         return
     start, end = bar.start_ns / _S, bar.end_ns / _S
@@ -88,16 +88,16 @@ _FEWEST: Final = 3
 
 
 def _keys(gantt: Gantt) -> tuple[Key, ...]:
-    """Return what the colours mean: those of tasks, unless there are many, and of what befell them."""
-    seen = {bar.color for lane in gantt.lanes for bar in lane.bars}
-    safety = {bar.color for lane in gantt.lanes if lane.kind == "safety" for bar in lane.bars}
-    known = (
-        ("failed or timed out", FAILED, seen - safety),
-        ("paused", PAUSED, seen),
-        ("full speed", FULL_SPEED, safety),
-        ("slowed down", REDUCED, safety),
-        ("stopped", FAILED, safety),
+    """Return the legend: colours of tasks, unless there are many, and colours of failures, pauses and safety states."""
+    bar_colors = {bar.color for lane in gantt.lanes for bar in lane.bars}
+    safety_colors = {bar.color for lane in gantt.lanes if lane.kind == "safety" for bar in lane.bars}
+    entries = (
+        ("failed or timed out", FAILED, bar_colors - safety_colors),
+        ("paused", PAUSED, bar_colors),
+        ("full speed", FULL_SPEED, safety_colors),
+        ("slowed down", REDUCED, safety_colors),
+        ("stopped", FAILED, safety_colors),
     )
     tasks = [Key(name, color) for name, color in gantt.tasks]
-    befell = (Key(label, color) for label, color, among in known if color in among)
-    return (*(tasks if len(tasks) <= _MOST_TASKS else ()), *befell)
+    event_keys = (Key(label, color) for label, color, among in entries if color in among)
+    return (*(tasks if len(tasks) <= _MOST_TASKS else ()), *event_keys)

@@ -22,10 +22,10 @@ Scale = Literal["diverging", "sequential"]
 class Heatmap:
     """Values of shape (rows, columns) under a title; NaN is unobserved and never drawn as a number.
 
-    `reading` says how to read it, `unit` what its values are.
+    `reading` says how to read the heatmap, `unit` what its values are.
 
-    `low` and `high` (the ends of an interval, NaN where unknown), `counts` and `doubtful` (cells to be marked) have the
-    same shape or are None. A diverging scale is centred on 1 and logarithmic, a sequential one begins at 0.
+    `low` and `high` (the ends of an interval, NaN where unknown), `counts` and `doubtful` (cells to mark) have the same
+    shape or are None. A diverging scale is logarithmic and centred on 1; a sequential scale begins at 0.
     """
 
     agents: tuple[str, str]
@@ -48,16 +48,16 @@ class Heatmap:
 
     @property
     def limit(self) -> float:
-        """Return the end of the scale: the common one, or the largest value (at least 1.25, at most 4 if diverging)."""
+        """Return the end of the scale: the common limit, or the largest value (if diverging, from 1.25 to 4)."""
         if self.common_limit is not None:
             return self.common_limit
-        known = self.values[np.isfinite(self.values) & (self.values > 0)]
+        positive = self.values[np.isfinite(self.values) & (self.values > 0)]
         if self.scale == "sequential":
-            return float(known.max(initial=0.0)) or 1.0
-        return float(np.exp(min(np.abs(np.log(known)).max(initial=np.log(1.25)), np.log(_WIDEST))))
+            return float(positive.max(initial=0.0)) or 1.0
+        return float(np.exp(min(np.abs(np.log(positive)).max(initial=np.log(1.25)), np.log(_WIDEST))))
 
     def paint(self, value: float) -> Paint:
-        """Return the fill of a value; grey where it is NaN."""
+        """Return the fill of a value; NaN is grey."""
         if not np.isfinite(value):
             return "unobserved"
         if self.scale == "sequential":

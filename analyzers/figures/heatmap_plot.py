@@ -19,7 +19,7 @@ _LINE: Final = 18
 _ROOMY: Final = (84, 64)
 """Px of a cell that holds its number, interval and count."""
 _READABLE: Final = 36
-"""Px of a cell in which a number can be read; smaller ones that are grey say nothing."""
+"""Px of a cell in which a number can be read. Smaller grey cells have no text."""
 _GAP_PX: Final = 2
 _ACROSS: Final = 900
 _BAR_STEPS: Final = 48
@@ -33,7 +33,7 @@ def heatmap_plot(heatmap: Heatmap, path: tuple[str, ...]) -> Plot:
     height = min(max(width * 2 // 3, _NARROWEST), _HIGHEST)
     roomy = width >= _ROOMY[0] and height >= _ROOMY[1] - 8
     cells = [(row, column) for row in range(rows) for column in range(columns)]
-    unsaid = not roomy and bool(np.isfinite(heatmap.values).any())
+    hides_notes = not roomy and bool(np.isfinite(heatmap.values).any())
     return Plot(
         path=path,
         title=heatmap.title,
@@ -45,7 +45,7 @@ def heatmap_plot(heatmap: Heatmap, path: tuple[str, ...]) -> Plot:
         texts=tuple(text for row, column in cells for text in _texts(heatmap, row, column, width, height, roomy=roomy)),
         color_bar=_color_bar(heatmap),
         names_on_top=True,
-        notes=(*heatmap.captions, _UNSAID) if unsaid else heatmap.captions,
+        notes=(*heatmap.captions, _UNSAID) if hides_notes else heatmap.captions,
     )
 
 
@@ -65,7 +65,7 @@ def _paint(heatmap: Heatmap, row: int, column: int) -> Paint:
 
 
 def _label(heatmap: Heatmap, row: int, column: int) -> str:
-    parts = [_said(heatmap, row, column), *_notes(heatmap, row, column)]
+    parts = [_value_text(heatmap, row, column), *_notes(heatmap, row, column)]
     return f"{heatmap.rows[row]}, {heatmap.columns[column]}: {', '.join(parts)}"
 
 
@@ -75,14 +75,14 @@ def _texts(heatmap: Heatmap, row: int, column: int, width: int, height: int, *, 
         return
     ink: Paint = "muted" if isinstance(fill, str) else ink_on(fill)
     notes = _notes(heatmap, row, column) if roomy else []
-    lines = [(_said(heatmap, row, column), 19 if roomy else 12), *((note, 12) for note in notes)]
+    lines = [(_value_text(heatmap, row, column), 19 if roomy else 12), *((note, 12) for note in notes)]
     first = row + 0.5 - (len(lines) - 1) * _LINE / 2 / height
     for index, (text, size) in enumerate(lines):
         at = (column + 0.5, first + index * _LINE / height)
         yield Text(at, text, ink, size, bold=roomy and not index and not isinstance(fill, str), room=0.94)
 
 
-def _said(heatmap: Heatmap, row: int, column: int) -> str:
+def _value_text(heatmap: Heatmap, row: int, column: int) -> str:
     value = heatmap.values[row, column]
     if not np.isfinite(value):
         return "n/a"
@@ -107,8 +107,8 @@ def _color_bar(heatmap: Heatmap) -> ColorBar:
     if heatmap.scale == "sequential":
         paints = tuple(heatmap.paint(limit * share) for share in shares)
         return ColorBar(paints, ((0.0, "0"), (1.0, f"{limit:,.{heatmap.digits}f}")), heatmap.unit)
-    known = heatmap.values[np.isfinite(heatmap.values)]
-    less, more = (" or less" if (known < 1 / limit).any() else ""), (" or more" if (known > limit).any() else "")
+    finite = heatmap.values[np.isfinite(heatmap.values)]
+    less, more = (" or less" if (finite < 1 / limit).any() else ""), (" or more" if (finite > limit).any() else "")
     paints = tuple(heatmap.paint(limit ** (2 * share - 1)) for share in shares)
     ends = (0.0, f"{1 / limit:.2f}{less}"), (0.5, "1 = no effect"), (1.0, f"{limit:.2f}{more}")
     return ColorBar(paints, ends, heatmap.unit)

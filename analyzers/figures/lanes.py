@@ -1,4 +1,4 @@
-"""Bars that overlap, in as few rows as possible."""
+"""Place bars that overlap in as few rows as possible."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def lane_numbers(spans: Sequence[tuple[int, int]]) -> list[int]:
-    """Return for each half-open span (start, end), sorted by start, the first row in which it collides with none."""
+    """Return for each half-open span (start, end), sorted by start, the first row in which it overlaps none."""
     ends: list[int] = []
     rows: list[int] = []
     for start, end in spans:

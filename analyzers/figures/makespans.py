@@ -32,10 +32,10 @@ _MOST_NAMED: Final = 12
 
 
 def makespan_plot(runs: pl.DataFrame, labels: pl.DataFrame) -> list[Plot]:
-    """Return how long the runs took, in a row per planner, or per plan, else in order of time.
+    """Return a plot of the makespans: in a row per planner, else per plan, else in order of time.
 
-    Runs that did not come to a good end, or whose executions did not all end, have no makespan to compare. Nothing is
-    drawn of fewer than two.
+    Runs that did not succeed, or whose executions did not all end, have no makespan to compare. With fewer than two
+    remaining runs, nothing is drawn.
 
     Args:
         runs: a frame of schema `RUNS`.
@@ -46,18 +46,18 @@ def makespan_plot(runs: pl.DataFrame, labels: pl.DataFrame) -> list[Plot]:
     )
     if complete.height < 2:
         return []
-    left_out = _left_out(runs, complete.height)
-    known = complete.filter(pl.col("planner") != "")
-    if known["planner"].n_unique() >= 2:
-        return [_by(complete, "planner", left_out)]
+    left_out = _left_out_note(runs, complete.height)
+    with_planner = complete.filter(pl.col("planner") != "")
+    if with_planner["planner"].n_unique() >= 2:
+        return [_group_plot(complete, "planner", left_out)]
     plans = complete.filter(pl.col("plan") != "").group_by("plan").len()
     if (plans["len"] >= 2).any():
-        return [_by(complete, "plan", left_out)]
-    return [_in_order(complete, left_out)]
+        return [_group_plot(complete, "plan", left_out)]
+    return [_order_plot(complete, left_out)]
 
 
 def complete_runs(runs: pl.DataFrame) -> pl.DataFrame:
-    """Return the runs whose makespans can be compared, in order of time: those that nothing cut short.
+    """Return the runs whose makespans can be compared, in order of time: those that were not cut short.
 
     Args:
         runs: a frame of schema `RUNS`.
@@ -66,24 +66,24 @@ def complete_runs(runs: pl.DataFrame) -> pl.DataFrame:
     return runs.filter(done).sort("start_ns", "run_id")
 
 
-def _left_out(runs: pl.DataFrame, complete: int) -> tuple[str, ...]:
+def _left_out_note(runs: pl.DataFrame, complete: int) -> tuple[str, ...]:
     missing = runs.height - complete
     text = "Runs left out, because they did not succeed or their executions did not all end"
     return (f"{text}: {missing:,} of {runs.height:,}.",) if missing else ()
 
 
-def _by(complete: pl.DataFrame, column: str, notes: tuple[str, ...]) -> Plot:
+def _group_plot(complete: pl.DataFrame, column: str, notes: tuple[str, ...]) -> Plot:
     groups = (
         complete.group_by(column)
         .agg(pl.len().alias("n"), pl.col("makespan_s").sort().mean().alias("mean"), "makespan_s", "name")
         .sort(["n", "mean", column], descending=[True, False, False])
     )
-    few = groups.height > MAX_GROUPS
-    said = f"{MAX_GROUPS} of {groups.height:,} {column}s are drawn, those with the most runs." if few else ""
-    kept = groups.head(MAX_GROUPS).sort("mean", column)
+    has_more = groups.height > MAX_GROUPS
+    group_note = f"{MAX_GROUPS} of {groups.height:,} {column}s are drawn, those with the most runs." if has_more else ""
+    drawn_groups = groups.head(MAX_GROUPS).sort("mean", column)
     rows = [
         Row(name or NOT_SAID, tuple(seconds), tuple(names))
-        for name, seconds, names in kept.select(column, "makespan_s", "name").iter_rows()
+        for name, seconds, names in drawn_groups.select(column, "makespan_s", "name").iter_rows()
     ]
     return rows_plot(
         ("makespans", column),
@@ -93,42 +93,44 @@ def _by(complete: pl.DataFrame, column: str, notes: tuple[str, ...]) -> Plot:
         _LABEL,
         unit="s",
         boxes=True,
-        notes=(*notes, said) if said else notes,
+        notes=(*notes, group_note) if group_note else notes,
     )
 
 
-def _in_order(complete: pl.DataFrame, notes: tuple[str, ...]) -> Plot:
+def _order_plot(complete: pl.DataFrame, notes: tuple[str, ...]) -> Plot:
     seconds = complete["makespan_s"].to_numpy()
     mean, *ends = mean_interval(seconds)
-    known = [end for end in ends if end is not None]
-    low, high = span(seconds, known)
-    shown = evenly(len(seconds)).tolist()
-    said = (
-        f"{len(shown):,} of {len(seconds):,} runs are drawn; the mean is of all." if len(shown) < len(seconds) else "",
-        "The interval reaches beyond the axis." if min(known) < low or max(known) > high else "",
+    known_ends = [end for end in ends if end is not None]
+    low, high = span(seconds, known_ends)
+    indices = evenly(len(seconds)).tolist()
+    remarks = (
+        f"{len(indices):,} of {len(seconds):,} runs are drawn; the mean is of all."
+        if len(indices) < len(seconds)
+        else "",
+        "The interval reaches beyond the axis." if min(known_ends) < low or max(known_ends) > high else "",
     )
     first, last = 0.5, len(seconds) + 0.5
     names = complete["name"].to_list()
-    interval = " to ".join(f"{end:,.3f}" for end in known)
+    interval = " to ".join(f"{end:,.3f}" for end in known_ends)
     label = f"mean {mean:,.3f} s (95 % {interval}), n = {len(seconds):,}"
     return Plot(
         path=("makespans", "order"),
         title="How long runs took, in order of time",
         reading=HOW_TO_READ_ORDER,
-        x=Axis(first, last, "run", ticks=_numbers(len(seconds))),
+        x=Axis(first, last, "run", ticks=_run_ticks(len(seconds))),
         y=Axis(low, high, "makespan, seconds", grid=True),
         area=(WIDE, 320),
-        bands=(Band((first, last), (max(min(known), low),) * 2, (min(max(known), high),) * 2, _BLUE),),
+        bands=(Band((first, last), (max(min(known_ends), low),) * 2, (min(max(known_ends), high),) * 2, _BLUE),),
         strokes=(Stroke(((first, mean), (last, mean)), "ink", 1.5, label, dashed=True),),
         dots=tuple(
             Dot((index + 1.0, float(seconds[index])), 3.0, _BLUE, f"{names[index]}: {seconds[index]:,.3f} s")
-            for index in shown
+            for index in indices
         ),
         keys=(Key("a run", _BLUE, "dot"), Key("mean", "ink", "line")),
-        notes=(*notes, *(text for text in said if text)),
+        notes=(*notes, *(text for text in remarks if text)),
     )
 
 
-def _numbers(count: int) -> tuple[tuple[float, str], ...]:
-    """Return a tick per run, none where round numbers do."""
+def _run_ticks(count: int) -> tuple[tuple[float, str], ...]:
+    """Return a tick per run, or none if round numbers are enough."""
     return tuple((index + 1.0, str(index + 1)) for index in range(count)) if count <= _MOST_NAMED else ()

@@ -18,14 +18,16 @@ def overlap_matrices(pair_overlaps: pl.DataFrame) -> list[tuple[Heatmap, Heatmap
     Args:
         pair_overlaps: a frame of schema `PAIR_OVERLAPS`.
     """
-    called = agent_names(pair_overlaps)
-    pairs = [_pair(agents, cells, called) for agents, cells in agent_pairs(pair_overlaps)]
+    agent_labels = agent_names(pair_overlaps)
+    pairs = [_pair_heatmaps(agents, cells, agent_labels) for agents, cells in agent_pairs(pair_overlaps)]
     seconds, ratios = (on_one_scale([pair[kind] for pair in pairs]) for kind in (0, 1))
     return list(zip(seconds, ratios, strict=True))
 
 
-def _pair(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[str, str]) -> tuple[Heatmap, Heatmap]:
-    agent, other = (called[name] for name in agents)
+def _pair_heatmaps(
+    agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Mapping[str, str]
+) -> tuple[Heatmap, Heatmap]:
+    agent, other = (agent_labels[name] for name in agents)
     drawn = axes(cells, "overlap_s", agents)
     empty = Heatmap(
         agents=agents,

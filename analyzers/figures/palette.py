@@ -1,4 +1,4 @@
-"""Colours that colour-blind eyes tell apart; those of data are the same on dark and on light ground."""
+"""Colours that colour-blind people can tell apart. Data colours are the same on dark and light backgrounds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final, Literal
 Color = tuple[int, int, int]
 
 Role = Literal["card", "ink", "muted", "grid", "unobserved"]
-"""A colour that depends on the theme: ground, text, lesser text, lines, and a cell without a value."""
+"""A colour that depends on the theme: background, text, secondary text, lines, and a cell without a value."""
 
 Paint = Color | Role
 
@@ -57,7 +57,7 @@ TASKS: Final[tuple[Color, ...]] = (
 )
 
 MARK: Final[Color] = (86, 180, 233)
-"""Of what needs no other colour: boxes, and dots of single values."""
+"""The colour of marks that need no other: boxes, and dots of single values."""
 
 # Okabe and Ito (2008) and Tol (2021), those that stand out on dark and on light ground
 LINES: Final[tuple[Color, ...]] = (
@@ -98,16 +98,16 @@ def ink_on(color: Color) -> Color:
 
 
 def task_colors(tasks: Iterable[str]) -> dict[str, Color]:
-    """Return a colour per task name: mostly the same one in every run, and none twice while there are enough."""
+    """Return a colour per task name: mostly the same in every run, and none twice while there are enough colours."""
     colors: dict[str, Color] = {}
-    taken: set[int] = set()
+    used_slots: set[int] = set()
     for task in sorted(set(tasks)):
-        if len(taken) == len(TASKS):
-            taken.clear()
+        if len(used_slots) == len(TASKS):
+            used_slots.clear()
         slot = zlib.crc32(task.encode("utf-8", "surrogatepass")) % len(TASKS)
-        while slot in taken:
+        while slot in used_slots:
             slot = (slot + 1) % len(TASKS)
-        taken.add(slot)
+        used_slots.add(slot)
         colors[task] = TASKS[slot]
     return colors
 

@@ -1,4 +1,4 @@
-"""A plot as a value: marks in data coordinates under named axes, which every back end draws alike."""
+"""A plot as a value: marks in data coordinates and named axes. All back ends draw it alike."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ Point = tuple[float, float]
 Anchor = Literal["left", "center", "right"]
 
 WIDE: Final = 900
-"""Px of an area that has a page for itself."""
+"""Width in px of an area that has a page for itself."""
 NARROW: Final = 460
-"""Px of an area beside another."""
+"""Width in px of an area beside another."""
 
 NAMELESS: Final = ((0.5, ""),)
-"""Ticks of an axis of names when there are none; no ticks at all would be round numbers."""
+"""Ticks of an axis of names without any name. An axis without ticks would get round numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """Values from `low` (left or bottom) to `high` (right or top); `low` above `high` turns it round.
+    """Values from `low` (left or bottom) to `high` (right or top); with `low` above `high` the axis is reversed.
 
-    `ticks` are named positions; without any, a back end marks round numbers. On a logarithmic axis both ends are above
+    `ticks` are named positions; without any, a back end marks round numbers. Both ends of a logarithmic axis are above
     0. `grid` draws a line through the area at each tick.
     """
 
@@ -49,7 +49,7 @@ class Rect:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """What lies between two lines over the same x: shapes (n,) each. It is drawn pale, beneath the strokes."""
+    """The area between two lines over the same x, shapes (n,) each. It is drawn pale, beneath the strokes."""
 
     x: tuple[float, ...]
     low: tuple[float, ...]
@@ -71,7 +71,7 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class Dot:
-    """A circle of `radius` px around a point, with a rim where one is given, and what it means."""
+    """A circle of `radius` px around a point, with an optional rim, and what it means."""
 
     at: Point
     radius: float
@@ -84,7 +84,7 @@ class Dot:
 class Text:
     """A line of text at the height of its middle, `size` px high.
 
-    `room` is the width in units of the x axis that it must not exceed: where it would, it is left out.
+    `room` is its largest width in units of the x axis. A wider text is left out.
     """
 
     at: Point
@@ -108,7 +108,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class ColorBar:
-    """What colours mean: fills from left to right, ticks at shares of 0 to 1 of its length, and a label."""
+    """A scale of colours: fills from left to right, ticks at shares of 0 to 1 of its length, and a label."""
 
     paints: tuple[Paint, ...]
     ticks: tuple[tuple[float, str], ...]
@@ -120,13 +120,13 @@ class Plot:
     """Marks over two axes. Later kinds lie on top: rects, bands, strokes, dots, texts.
 
     Attributes:
-        path: tells the plots of a set apart; its parts may hold any character.
-        title: what is seen.
+        path: identifies the plot in a set; its parts may hold any character.
+        title: what the plot shows.
         reading: how to read it, a sentence or two.
         x: the horizontal axis.
         y: the vertical axis.
         area: width and height in px of the area between the axes; names and titles come on top of it.
-        left: px that the names on the left get at least, so that plots under one another share their x axis.
+        left: the least px for the names on the left, so that plots under one another share their x axis.
         names_on_top: the ticks of x stand above the area instead of below.
         keys: the legend.
         notes: what is not drawn, or doubtful.
@@ -152,9 +152,9 @@ class Plot:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """One plot as it was after so many runs: `numbers` rise, `plots` belong to them, all of one path.
+    """One plot after growing numbers of runs: one of `plots` for each of `numbers`, all with the same path.
 
-    `title` is that of all of them together.
+    `title` is the common title of the plots.
     """
 
     title: str
@@ -164,7 +164,7 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """Plots that are looked at together, under one name."""
+    """Plots that are shown together, under one name."""
 
     name: str
     plots: tuple[Plot, ...] = ()
@@ -172,5 +172,5 @@ class Page:
 
 
 def page_plots(page: Page) -> tuple[Plot, ...]:
-    """Return the plots of a page, of steps the last."""
+    """Return the plots of a page, and the last plot of each of its steps."""
     return (*page.plots, *(steps.plots[-1] for steps in page.steps))

@@ -1,4 +1,4 @@
-"""Rows of values: a dot per value, and above the dots their box, their mean and its interval."""
+"""Rows of values: a dot per value, and above the dots a box, their mean and its interval."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hrclog.arrays import FloatArray, IntArray
 from hrclog.wording import counted
 
 MAX_DOTS: Final = 500
-"""Dots of a row."""
+"""The most dots of a row."""
 MAX_ROWS: Final = 40
 
 LONGEST_NAME: Final = 64
@@ -44,7 +44,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class _Drawn:
+class _DrawnRow:
     """A row at its place, its values in order, and the mean with its interval."""
 
     top: float
@@ -70,35 +70,39 @@ def rows_plot(
 ) -> Plot:
     """Return a plot of rows in their order, the first on top.
 
-    The axis holds all values; an interval that reaches far beyond them is clipped, which is said. The statistics are of
-    all values, also where not every one is drawn, but for those of `BEYOND` or more: these stand for something else.
+    The axis holds all values. An interval that reaches far beyond them is clipped, and a note says so. The statistics
+    are of all values, even if not every one is drawn. Values of `BEYOND` or more are placeholders and do not count.
 
     Args:
         path: of the plot.
         title: of the plot.
         reading: of the plot.
-        rows: at least one; beyond `MAX_ROWS` they are left out.
+        rows: at least one; rows beyond `MAX_ROWS` are left out.
         label: of the axis of values.
-        unit: after each number, "s" say.
+        unit: written after each number, such as "s".
         boxes: whether to draw quartiles and median.
         zero: whether the axis holds 0, marked by a line.
         notes: what else is not drawn.
     """
-    known = [row for row in map(_known, rows) if row.values]
-    drawn = [_placed(top, row) for top, row in enumerate(known[:MAX_ROWS])]
-    axis = _span(drawn, zero=zero) if drawn else (0.0, 1.0)
+    usable = [row for row in map(_drop_placeholders, rows) if row.values]
+    drawn = [_place_row(top, row) for top, row in enumerate(usable[:MAX_ROWS])]
+    axis = _axis_span(drawn, zero=zero) if drawn else (0.0, 1.0)
     return Plot(
         path=path,
         title=title,
         reading=reading,
         x=Axis(*axis, label, grid=True),
-        y=Axis(max(len(drawn), 1), 0, ticks=tuple((one.top + 0.5, _name(one)) for one in drawn) or NAMELESS),
+        y=Axis(
+            max(len(drawn), 1),
+            0,
+            ticks=tuple((drawn_row.top + 0.5, _name(drawn_row)) for drawn_row in drawn) or NAMELESS,
+        ),
         area=(WIDE, max(len(drawn), 1) * (_ROW if len(drawn) <= _MANY else _DENSE_ROW)),
-        rects=tuple(_box(one, unit) for one in drawn if boxes and len(one.values) > 1),
+        rects=tuple(_box(drawn_row, unit) for drawn_row in drawn if boxes and len(drawn_row.values) > 1),
         strokes=(*_line_at_zero(axis, len(drawn), zero=zero), *_all_strokes(drawn, axis, unit, boxes=boxes)),
-        dots=tuple(dot for one in drawn for dot in _dots(one, unit)),
+        dots=tuple(dot for drawn_row in drawn for dot in _dots(drawn_row, unit)),
         keys=_keys(boxes=boxes),
-        notes=(*notes, *(text for text in _not_drawn(rows, known, drawn, axis) if text)),
+        notes=(*notes, *(text for text in _not_drawn(rows, usable, drawn, axis) if text)),
     )
 
 
@@ -106,19 +110,25 @@ def _line_at_zero(axis: tuple[float, float], rows: int, *, zero: bool) -> tuple[
     return (Stroke(((0.0, 0.0), (0.0, rows)), "muted", 1.0, "0"),) if zero and axis[0] < 0 else ()
 
 
-def _all_strokes(drawn: Sequence[_Drawn], axis: tuple[float, float], unit: str, *, boxes: bool) -> tuple[Stroke, ...]:
-    return tuple(stroke for one in drawn for stroke in _strokes(one, axis, unit, boxes=boxes))
+def _all_strokes(
+    drawn: Sequence[_DrawnRow], axis: tuple[float, float], unit: str, *, boxes: bool
+) -> tuple[Stroke, ...]:
+    return tuple(stroke for drawn_row in drawn for stroke in _strokes(drawn_row, axis, unit, boxes=boxes))
 
 
 def _not_drawn(
-    rows: Sequence[Row], known: Sequence[Row], drawn: Sequence[_Drawn], axis: tuple[float, float]
+    rows: Sequence[Row], usable: Sequence[Row], drawn: Sequence[_DrawnRow], axis: tuple[float, float]
 ) -> Iterator[str]:
-    """Yield what the plot leaves out, "" where it leaves out nothing of a kind."""
-    left_out = sum(len(row.values) for row in rows) - sum(len(row.values) for row in known)
-    ends = [(one.low, one.high) for one in drawn if one.low is not None and one.high is not None]
+    """Yield one note per kind of omission, "" if nothing of that kind is left out."""
+    left_out = sum(len(row.values) for row in rows) - sum(len(row.values) for row in usable)
+    ends = [
+        (drawn_row.low, drawn_row.high)
+        for drawn_row in drawn
+        if drawn_row.low is not None and drawn_row.high is not None
+    ]
     beyond = sum(low < axis[0] or high > axis[1] for low, high in ends)
-    thinned = any(len(one.values) > MAX_DOTS for one in drawn)
-    further = len(known) - MAX_ROWS
+    thinned = any(len(drawn_row.values) > MAX_DOTS for drawn_row in drawn)
+    further = len(usable) - MAX_ROWS
     yield f"{counted(further, 'further row is', 'further rows are')} not drawn." if further > 0 else ""
     yield f"Of rows with more than {MAX_DOTS} runs as many are drawn; means are of all." if thinned else ""
     yield f"Intervals that reach beyond the axis: {beyond}." if beyond else ""
@@ -126,7 +136,7 @@ def _not_drawn(
 
 
 def span(values: FloatArray, ends: Sequence[float]) -> tuple[float, float]:
-    """Return an axis that holds all values, and ends of intervals unless they are far beyond them.
+    """Return the ends of an axis that holds all values, and the ends of intervals that are not far beyond them.
 
     Args:
         values: at least one, shape (n,).
@@ -141,71 +151,71 @@ def span(values: FloatArray, ends: Sequence[float]) -> tuple[float, float]:
 
 
 def spread(count: int) -> FloatArray:
-    """Return offsets from -1 to 1 by which dots of near values stand apart, shape (count,); always the same ones."""
+    """Return offsets from -1 to 1 that separate the dots of near values, shape (count,). They are deterministic."""
     offsets: FloatArray = 2 * ((np.arange(count, dtype=np.float64) + 0.5) * _GOLDEN % 1.0) - 1
     return offsets
 
 
 def evenly(count: int, most: int = MAX_DOTS) -> IntArray:
-    """Return the indices of those to draw: all, or `most` spread evenly, the first and the last among them."""
+    """Return the indices to draw: all, or `most` of them, evenly spread from the first to the last."""
     return np.arange(count) if count <= most else np.linspace(0, count - 1, most).round().astype(np.int64)
 
 
-def _known(row: Row) -> Row:
-    """Return a row without the values that stand for something else."""
-    known = [index for index, value in enumerate(row.values) if abs(value) < BEYOND]
-    if len(known) == len(row.values):
+def _drop_placeholders(row: Row) -> Row:
+    """Return a row without the values that are placeholders."""
+    indices = [index for index, value in enumerate(row.values) if abs(value) < BEYOND]
+    if len(indices) == len(row.values):
         return row
     return replace(
-        row, values=tuple(row.values[index] for index in known), labels=tuple(row.labels[index] for index in known)
+        row, values=tuple(row.values[index] for index in indices), labels=tuple(row.labels[index] for index in indices)
     )
 
 
-def _placed(top: int, row: Row) -> _Drawn:
+def _place_row(top: int, row: Row) -> _DrawnRow:
     order = sorted(range(len(row.values)), key=lambda index: (row.values[index], row.labels[index]))
     values = np.array([row.values[index] for index in order])
-    return _Drawn(float(top), row, values, tuple(row.labels[index] for index in order), *mean_interval(values))
+    return _DrawnRow(float(top), row, values, tuple(row.labels[index] for index in order), *mean_interval(values))
 
 
-def _span(drawn: Sequence[_Drawn], *, zero: bool) -> tuple[float, float]:
-    values = np.concatenate([[0.0] if zero else [], *(one.values for one in drawn)])
-    low, high = span(values, [end for one in drawn for end in (one.low, one.high) if end is not None])
-    # what is never negative has no axis below 0
+def _axis_span(drawn: Sequence[_DrawnRow], *, zero: bool) -> tuple[float, float]:
+    values = np.concatenate([[0.0] if zero else [], *(drawn_row.values for drawn_row in drawn)])
+    low, high = span(values, [end for drawn_row in drawn for end in (drawn_row.low, drawn_row.high) if end is not None])
+    # values that are never negative need no axis below 0
     return (0.0 if zero and values.min() == 0 else low), high
 
 
-def _name(one: _Drawn) -> str:
-    return f"{shorten(one.row.name, LONGEST_NAME)} ({len(one.values):,})"
+def _name(drawn_row: _DrawnRow) -> str:
+    return f"{shorten(drawn_row.row.name, LONGEST_NAME)} ({len(drawn_row.values):,})"
 
 
-def _box(one: _Drawn, unit: str) -> Rect:
-    low, high = np.quantile(one.values, (0.25, 0.75)).tolist()
-    at = one.top + _MEAN_AT
-    return Rect((low, at - _BOX_HALF), (high, at + _BOX_HALF), _BLUE, _said(one, unit))
+def _box(drawn_row: _DrawnRow, unit: str) -> Rect:
+    low, high = np.quantile(drawn_row.values, (0.25, 0.75)).tolist()
+    at = drawn_row.top + _MEAN_AT
+    return Rect((low, at - _BOX_HALF), (high, at + _BOX_HALF), _BLUE, _label(drawn_row, unit))
 
 
-def _strokes(one: _Drawn, axis: tuple[float, float], unit: str, *, boxes: bool) -> Iterator[Stroke]:
-    at, said = one.top + _MEAN_AT, _said(one, unit)
-    if boxes and len(one.values) > 1:
-        median = float(np.median(one.values))
-        yield Stroke(((median, at - _BOX_HALF), (median, at + _BOX_HALF)), "ink", 2.0, said)
-    if one.low is not None and one.high is not None:
-        yield Stroke(((max(one.low, axis[0]), at), (min(one.high, axis[1]), at)), "ink", 2.5, said)
+def _strokes(drawn_row: _DrawnRow, axis: tuple[float, float], unit: str, *, boxes: bool) -> Iterator[Stroke]:
+    at, label = drawn_row.top + _MEAN_AT, _label(drawn_row, unit)
+    if boxes and len(drawn_row.values) > 1:
+        median = float(np.median(drawn_row.values))
+        yield Stroke(((median, at - _BOX_HALF), (median, at + _BOX_HALF)), "ink", 2.0, label)
+    if drawn_row.low is not None and drawn_row.high is not None:
+        yield Stroke(((max(drawn_row.low, axis[0]), at), (min(drawn_row.high, axis[1]), at)), "ink", 2.5, label)
 
 
-def _dots(one: _Drawn, unit: str) -> Iterator[Dot]:
-    shown = evenly(len(one.values))
-    for index, off in zip(shown.tolist(), spread(len(shown)).tolist(), strict=True):
-        value = float(one.values[index])
-        at = (value, one.top + _DOTS_AT + off * _DOTS_HALF)
-        yield Dot(at, 2.5, _BLUE, f"{one.labels[index]}: {_number(value, unit)}")
-    yield Dot((one.mean, one.top + _MEAN_AT), 5.0, WHITE, _said(one, unit), rim=CARD)
+def _dots(drawn_row: _DrawnRow, unit: str) -> Iterator[Dot]:
+    indices = evenly(len(drawn_row.values))
+    for index, offset in zip(indices.tolist(), spread(len(indices)).tolist(), strict=True):
+        value = float(drawn_row.values[index])
+        at = (value, drawn_row.top + _DOTS_AT + offset * _DOTS_HALF)
+        yield Dot(at, 2.5, _BLUE, f"{drawn_row.labels[index]}: {_number(value, unit)}")
+    yield Dot((drawn_row.mean, drawn_row.top + _MEAN_AT), 5.0, WHITE, _label(drawn_row, unit), rim=CARD)
 
 
-def _said(one: _Drawn, unit: str) -> str:
-    known = one.low is not None and one.high is not None
-    interval = f" (95 % {one.low:,.3f} to {one.high:,.3f})" if known else ""
-    return f"{one.row.name}: mean {_number(one.mean, unit)}{interval}, n = {len(one.values):,}"
+def _label(drawn_row: _DrawnRow, unit: str) -> str:
+    has_interval = drawn_row.low is not None and drawn_row.high is not None
+    interval = f" (95 % {drawn_row.low:,.3f} to {drawn_row.high:,.3f})" if has_interval else ""
+    return f"{drawn_row.row.name}: mean {_number(drawn_row.mean, unit)}{interval}, n = {len(drawn_row.values):,}"
 
 
 def _number(value: float, unit: str) -> str:

@@ -52,9 +52,9 @@ def run_figures(
         events: its flat events, columns of `hrclog.events.COLUMNS`.
         signals: its samples, schema `SIGNALS`.
         scene: what was recorded of its cell.
-        tasks: of other runs too, so that all have the same colours.
+        tasks: also those of other runs, so that all runs have the same colours.
     """
-    origin, end = _span(run, intervals, events, signals)
+    origin, end = _time_span(run, intervals, events, signals)
     lanes, captions = limited(_lanes(intervals, events, origin, end, tasks))
     signal_lines, left_out = signal_series(signals, origin, scene.descriptions if scene is not None else ())
     overlap_lines, pairs_left_out = overlaps_so_far(intervals, origin)
@@ -70,7 +70,7 @@ def run_figures(
         origin_ns=origin,
         facts=_facts(run),
         gantt=gantt,
-        series=tuple(sorted(series, key=lambda one: one.joint)),
+        series=tuple(sorted(series, key=lambda signal: signal.joint)),
         events=lines,
         tasks=_tasks(intervals, origin),
         captions=(*captions, *outside, *left_out, *pairs_left_out, *lines.captions),
@@ -78,35 +78,35 @@ def run_figures(
     )
 
 
-def _span(
+def _time_span(
     run: Mapping[str, Any], intervals: pl.DataFrame, events: pl.DataFrame, signals: pl.DataFrame
 ) -> tuple[int, int]:
     times = [run["start_ns"], run["end_ns"]]
     for frame, columns in ((intervals, ("start_ns", "until_ns")), (events, ("time_ns",)), (signals, ("time_ns",))):
         times += [value for column in columns for value in (frame[column].min(), frame[column].max())]
-    known = [int(time) for time in times if time is not None]
-    origin = events["time_ns"].min() if events.height else min(known, default=0)
-    return int(origin), max(known, default=0)  # type: ignore[arg-type]  # int64 columns
+    known_times = [int(time) for time in times if time is not None]
+    origin = events["time_ns"].min() if events.height else min(known_times, default=0)
+    return int(origin), max(known_times, default=0)  # type: ignore[arg-type]  # int64 columns
 
 
 def _in_view(lanes: Sequence[Lane], end_ns: int) -> tuple[int, int, tuple[str, ...]]:
-    """Return from when to when a run is drawn, and a caption if something lies outside.
+    """Return the start and the end of the time in view, and a caption if something lies outside.
 
-    An instant that is farther from what was done than all of that is long is not in view: it would leave the rest no
-    room.
+    An instant is not in view if it is farther from the executions than they last in total: it would leave no room for
+    the rest.
     """
-    done = [bar for lane in lanes if lane.kind == "done" for bar in lane.bars] or [
+    done_bars = [bar for lane in lanes if lane.kind == "done" for bar in lane.bars] or [
         bar for lane in lanes for bar in lane.bars
     ]
-    if not done:
+    if not done_bars:
         return 0, max(end_ns, 0), ()
-    first, last = min(bar.start_ns for bar in done), max(bar.end_ns for bar in done)
+    first, last = min(bar.start_ns for bar in done_bars), max(bar.end_ns for bar in done_bars)
     reach = max(last - first, 1)
     instants = [0, end_ns, *(at for lane in lanes for bar in lane.bars for at in (bar.start_ns, bar.end_ns))]
-    near = [at for at in instants if first - reach <= at <= last + reach]
-    outside = len(near) < len(instants)
+    near_instants = [at for at in instants if first - reach <= at <= last + reach]
+    outside = len(near_instants) < len(instants)
     note = "Something lies far before or after what was done, out of view: scroll, or see the events."
-    return min(near), max(near), (note,) if outside else ()
+    return min(near_instants), max(near_instants), (note,) if outside else ()
 
 
 def _lanes(
@@ -131,18 +131,20 @@ def _tasks(intervals: pl.DataFrame, origin_ns: int) -> DataTable:
         _seconds(pl.col("planned_start_ns") - origin_ns, "planned_start_s"),
         "reason",
     )
-    return DataTable("tasks", "Executions", frame, times_ns=_apart((ordered["start_ns"] - origin_ns).to_numpy()))
+    return DataTable(
+        "tasks", "Executions", frame, times_ns=_separate_times((ordered["start_ns"] - origin_ns).to_numpy())
+    )
 
 
-def _apart(times_ns: IntArray) -> IntArray:
-    """Return rising instants, each a ns or more after the one before: a viewer shows one row per instant."""
+def _separate_times(times_ns: IntArray) -> IntArray:
+    """Return instants that rise by at least 1 ns, because a viewer shows one row per instant."""
     steps = np.arange(len(times_ns))
-    apart: IntArray = np.maximum.accumulate(times_ns - steps) + steps
-    return apart
+    separated: IntArray = np.maximum.accumulate(times_ns - steps) + steps
+    return separated
 
 
 def _seconds(ns: pl.Expr, name: str) -> pl.Expr:
-    return (ns / 1e9).round(9).alias(name)  # no digits that a nanosecond does not have
+    return (ns / 1e9).round(9).alias(name)  # no digits beyond a nanosecond
 
 
 def _facts(run: Mapping[str, Any]) -> tuple[tuple[str, str | int | float], ...]:

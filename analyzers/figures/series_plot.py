@@ -22,7 +22,7 @@ from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.figures.thinning import extremes
 
 MAX_LINES: Final = 8
-"""Lines of a plot: as many as have colours that are told apart."""
+"""The most lines of a plot, so that each has a colour of its own."""
 
 _HEIGHT: Final = 150
 _MOST_POINTS: Final = 2401  # of a line
@@ -35,11 +35,13 @@ _READING: Final = {
 
 
 def series_plots(series: Iterable[Series], x: Axis, path: tuple[str, ...]) -> tuple[Plot, ...]:
-    """Return a plot per group, in their order, and several of a large one; joints are left to the view of the cell."""
-    drawn = [one for one in series if not one.joint and (len(one.times_ns) or one.notes)]
-    groups = dict.fromkeys(one.group for one in drawn)
+    """Return a plot per group, in order; a large group has several. Joints are shown in the view of the cell only."""
+    drawn = [signal for signal in series if not signal.joint and (len(signal.times_ns) or signal.notes)]
+    groups = dict.fromkeys(signal.group for signal in drawn)
     return tuple(
-        plot for name in groups for plot in _plots(name, [one for one in drawn if one.group == name], x, (*path, name))
+        plot
+        for name in groups
+        for plot in _plots(name, [signal for signal in drawn if signal.group == name], x, (*path, name))
     )
 
 
@@ -58,7 +60,7 @@ def _plots(group: str, series: list[Series], x: Axis, path: tuple[str, ...]) -> 
 def _plot(series: list[Series], x: Axis, path: tuple[str, ...], title: str, reading: str) -> Plot:
     low, high = limits(series)
     margin = (high - low) * 0.06
-    lines = [(one, points(one), color) for one, color in zip(series, LINES, strict=False)]
+    lines = [(signal, points(signal), color) for signal, color in zip(series, LINES, strict=False)]
     return Plot(
         path=path,
         title=title,
@@ -67,15 +69,15 @@ def _plot(series: list[Series], x: Axis, path: tuple[str, ...], title: str, read
         y=Axis(low - margin, high + margin, grid=True),
         area=(WIDE, _HEIGHT),
         left=LEFT,
-        strokes=tuple(Stroke(line, color, 1.6, one.name, step=one.step) for one, line, color in lines if line),
-        keys=tuple(Key(shorten(one.name, 60), color, "line") for one, _, color in lines),
+        strokes=tuple(Stroke(line, color, 1.6, signal.name, step=signal.step) for signal, line, color in lines if line),
+        keys=tuple(Key(shorten(signal.name, 60), color, "line") for signal, _, color in lines),
         notes=notes(series),
     )
 
 
 def points(series: Series) -> tuple[Point, ...]:
-    """Return a series' finite samples, s since the first event; of very many those that give the line its shape."""
-    known = np.isfinite(series.values)
-    seconds, values = series.times_ns[known] / 1e9, series.values[known]
-    kept = extremes(values, _MOST_POINTS)
-    return tuple(zip(seconds[kept].tolist(), values[kept].tolist(), strict=True))
+    """Return a series' finite samples, s since the first event. Very many are thinned to the line's extremes."""
+    finite = np.isfinite(series.values)
+    seconds, values = series.times_ns[finite] / 1e9, series.values[finite]
+    indices = extremes(values, _MOST_POINTS)
+    return tuple(zip(seconds[indices].tolist(), values[indices].tolist(), strict=True))

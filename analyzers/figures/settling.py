@@ -47,13 +47,13 @@ _NAME: Final = 34  # characters of the tasks at the end of a line
 
 
 def settling_heatmaps(settling: pl.DataFrame, *, note: str = "") -> list[Steps]:
-    """Return the matrix of each ordered pair of agents as it was after growing numbers of runs; none of a single step.
+    """Return the matrix of each ordered pair of agents after growing numbers of runs. A single step gives no matrix.
 
-    All steps have the rows, columns, colours and notes of the last.
+    All steps have the rows, columns, colours and notes of the last step.
 
     Args:
         settling: a frame of schema `SETTLING`.
-        note: what else there is to say of each.
+        note: a further note on each plot.
     """
     numbers = settling["runs"].unique().sort().to_list()
     if len(numbers) < 2:
@@ -74,33 +74,33 @@ def settling_heatmaps(settling: pl.DataFrame, *, note: str = "") -> list[Steps]:
         for heatmap in synergy_heatmaps(cells):
             title = f"{heatmap.title}, after {number:,} of {counted(numbers[-1], 'run')}"
             agents = heatmap.agents
-            shown = replace(heatmap, title=title, captions=captions[agents], common_limit=limits[agents])
-            plots.setdefault(agents, []).append(heatmap_plot(shown, ("settling", "synergy", *agents)))
+            step = replace(heatmap, title=title, captions=captions[agents], common_limit=limits[agents])
+            plots.setdefault(agents, []).append(heatmap_plot(step, ("settling", "synergy", *agents)))
     return [Steps(titles[agents], tuple(numbers), tuple(plots[agents])) for agents in plots]
 
 
 def settling_curves(settling: pl.DataFrame, *, note: str = "") -> list[Plot]:
-    """Return per ordered pair of agents how the factors came to be what they are; none of a single step.
+    """Return curves of the factors over the number of runs, per ordered pair of agents. A single step gives no curve.
 
-    Drawn are the pairs of tasks whose last factor is surest to differ from 1: those of the largest |log synergy| over
-    its standard error (std_err / synergy). Factors without an error come last.
+    The plots show the pairs of tasks whose last factor differs from 1 most surely: those with the largest |log synergy|
+    over its standard error (std_err / synergy). Factors without an error come last.
 
     Args:
         settling: a frame of schema `SETTLING`.
-        note: what else there is to say of each.
+        note: a further note on each plot.
     """
     if settling["runs"].n_unique() < 2:
         return []
-    called = agent_names(settling)
-    plots = (_synergy_plot(agents, cells, called, note) for agents, cells in agent_pairs(settling))
+    agent_labels = agent_names(settling)
+    plots = (_synergy_plot(agents, cells, agent_labels, note) for agents, cells in agent_pairs(settling))
     return [plot for plot in plots if plot]
 
 
 def duration_curves(settling: pl.DataFrame) -> list[Plot]:
-    """Return per agent how the mean durations came to be what they are; none of a single step.
+    """Return curves of the mean durations over the number of runs, per agent. A single step gives no curve.
 
-    Drawn are the tasks whose last mean is least sure: those of the widest interval relative to it. Means without an
-    interval come last.
+    The plots show the tasks whose last mean is least certain: those with the widest interval relative to the mean.
+    Means without an interval come last.
 
     Args:
         settling: a frame of schema `SETTLING_DURATIONS`.
@@ -108,17 +108,19 @@ def duration_curves(settling: pl.DataFrame) -> list[Plot]:
     if settling["runs"].n_unique() < 2:
         return []
     parts = settling.partition_by("agent", as_dict=True)
-    called = shorten_apart(settling["agent"].unique(), 40)
-    plots = (_duration_plot(str(agent), parts[agent,], called) for (agent,) in sorted(parts))
+    agent_labels = shorten_apart(settling["agent"].unique(), 40)
+    plots = (_duration_plot(str(agent), parts[agent,], agent_labels) for (agent,) in sorted(parts))
     return [plot for plot in plots if plot]
 
 
-def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[str, str], note: str) -> Plot | None:
+def _synergy_plot(
+    agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Mapping[str, str], note: str
+) -> Plot | None:
     last = cells.filter(pl.col("runs") == cells["runs"].max())
     value, error = pl.col("synergy"), pl.col("std_err")
-    sure = (value.log().abs() * value / error).fill_nan(None)
-    known = last.filter(value > 0).sort(sure, *PAIR, descending=[True, *[False] * len(PAIR)], nulls_last=True)
-    drawn = known.head(MAX_CURVES)
+    certainty = (value.log().abs() * value / error).fill_nan(None)
+    ranked = last.filter(value > 0).sort(certainty, *PAIR, descending=[True, *[False] * len(PAIR)], nulls_last=True)
+    drawn = ranked.head(MAX_CURVES)
     if drawn.is_empty():
         return None
     names = pair_names(last.select("task", "other_task").rows(), _NAME)
@@ -129,16 +131,18 @@ def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[
         )
         for task, other, status in drawn.select("task", "other_task", "status").iter_rows()
     ]
-    unknown = last.height - known.height
+    n_unknown = last.height - ranked.height
     notes = [_SHARED, *filter(None, [note])]
     if any(status != OK for status in drawn["status"]):
         notes.insert(0, _MARKED)
-    if unknown:
-        notes.insert(0, f"Pairs of tasks without a factor after all runs: {unknown:,}.")
-    if known.height > drawn.height:
-        few = f"{drawn.height} of {known.height:,} factors are drawn"
-        notes.insert(0, f"{few}, those that are surest to differ from 1; {known.height - drawn.height:,} are not.")
-    agent, other = (called[name] for name in agents)
+    if n_unknown:
+        notes.insert(0, f"Pairs of tasks without a factor after all runs: {n_unknown:,}.")
+    if ranked.height > drawn.height:
+        sentence = f"{drawn.height} of {ranked.height:,} factors are drawn"
+        notes.insert(
+            0, f"{sentence}, those that are surest to differ from 1; {ranked.height - drawn.height:,} are not."
+        )
+    agent, other = (agent_labels[name] for name in agents)
     return curves_plot(
         ("settling", "curves", *agents),
         with_estimator(f"How synergies settle: {agent} while {other} works", last),
@@ -151,24 +155,24 @@ def _synergy_plot(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[
     )
 
 
-def _duration_plot(agent: str, tasks: pl.DataFrame, called: Mapping[str, str]) -> Plot | None:
+def _duration_plot(agent: str, tasks: pl.DataFrame, agent_labels: Mapping[str, str]) -> Plot | None:
     last = tasks.filter(pl.col("runs") == tasks["runs"].max())
     width = (pl.col("mean_high_s") - pl.col("mean_low_s")) / pl.col("mean_s")
-    known = last.filter(pl.col("mean_s") > 0).sort(width, "task", descending=[True, False], nulls_last=True)
-    drawn = known["task"].head(MAX_CURVES).to_list()
+    ranked = last.filter(pl.col("mean_s") > 0).sort(width, "task", descending=[True, False], nulls_last=True)
+    drawn = ranked["task"].head(MAX_CURVES).to_list()
     if not drawn:
         return None
     names = shorten_apart(last["task"], _NAME)
     curves = [Curve(names[task], _knots(tasks, {"task": task}, _SECONDS)) for task in drawn]
-    unknown = last.height - known.height
+    n_unknown = last.height - ranked.height
     notes = [_SHARED, _INDEPENDENT]
-    if unknown:
-        notes.insert(0, f"Tasks that never succeeded: {unknown:,}.")
-    if known.height > len(drawn):
-        notes.insert(0, f"{len(drawn)} of {known.height:,} tasks are drawn, those whose mean is least sure.")
+    if n_unknown:
+        notes.insert(0, f"Tasks that never succeeded: {n_unknown:,}.")
+    if ranked.height > len(drawn):
+        notes.insert(0, f"{len(drawn)} of {ranked.height:,} tasks are drawn, those whose mean is least sure.")
     return curves_plot(
         ("settling", "durations", agent),
-        f"How mean durations settle: {called[agent]}",
+        f"How mean durations settle: {agent_labels[agent]}",
         HOW_TO_READ_DURATIONS,
         curves,
         tasks["runs"].unique().sort().to_list(),
@@ -181,18 +185,20 @@ _FACTOR: Final = ("synergy", "ci_low", "ci_high", "n", "")
 _SECONDS: Final = ("mean_s", "mean_low_s", "mean_high_s", "count", " s")
 
 
-def _knots(rows: pl.DataFrame, of: dict[str, str], columns: tuple[str, str, str, str, str]) -> tuple[Knot | None, ...]:
+def _knots(
+    rows: pl.DataFrame, keys: dict[str, str], columns: tuple[str, str, str, str, str]
+) -> tuple[Knot | None, ...]:
     """Return a knot per step from the rows of one curve."""
     *names, unit = columns
-    own = rows.filter(**of).sort("runs").select("runs", *names)
-    name = " | ".join(of.values())
-    return tuple(_knot(name, unit, *row) for row in own.iter_rows())
+    curve_rows = rows.filter(**keys).sort("runs").select("runs", *names)
+    name = " | ".join(keys.values())
+    return tuple(_knot(name, unit, *row) for row in curve_rows.iter_rows())
 
 
 def _knot(
     name: str, unit: str, runs: int, value: float | None, low: float | None, high: float | None, n: int
 ) -> Knot | None:
-    # a regression may say what no logarithm has
+    # a regression may give a factor that has no logarithm
     if value is None or not (math.isfinite(value) and value > 0):
         return None
     interval = f" (95 % {low:,.3f} to {high:,.3f})" if low is not None and high is not None else ""

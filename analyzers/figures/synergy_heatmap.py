@@ -1,4 +1,4 @@
-"""How much longer or shorter a task takes while another agent is at one of its own."""
+"""How much longer or shorter a task takes while another agent executes a task."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOW_TO_READ: Final = (
 )
 
 AGENT: Final = 28
-"""Characters of an agent in titles."""
+"""The most characters of an agent's name in titles."""
 
 
 def synergy_heatmaps(synergies: pl.DataFrame) -> list[Heatmap]:
@@ -28,12 +28,12 @@ def synergy_heatmaps(synergies: pl.DataFrame) -> list[Heatmap]:
     Args:
         synergies: a frame of schema `SYNERGIES`.
     """
-    called = agent_names(synergies)
-    return on_one_scale([_pair(agents, cells, called) for agents, cells in agent_pairs(synergies)])
+    agent_labels = agent_names(synergies)
+    return on_one_scale([_pair_heatmap(agents, cells, agent_labels) for agents, cells in agent_pairs(synergies)])
 
 
 def agent_names(pairs: pl.DataFrame) -> dict[str, str]:
-    """Return what titles call the agents: those of all pairs, as pictures of several pairs stand side by side.
+    """Return a label per agent for titles. Labels differ across all pairs, because their pictures stand side by side.
 
     Args:
         pairs: columns agent and other_agent.
@@ -42,13 +42,13 @@ def agent_names(pairs: pl.DataFrame) -> dict[str, str]:
 
 
 def with_estimator(title: str, cells: pl.DataFrame) -> str:
-    """Return the title, and in brackets what estimated the cells."""
+    """Return the title with the estimator of the cells in brackets."""
     estimators = ", ".join(sorted(set(cells["estimator"].to_list()) - {""}))
     return f"{title} ({estimators})" if estimators else title
 
 
-def _pair(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[str, str]) -> Heatmap:
-    agent, other = (called[name] for name in agents)
+def _pair_heatmap(agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Mapping[str, str]) -> Heatmap:
+    agent, other = (agent_labels[name] for name in agents)
     drawn = axes(cells, "overlap_s", agents)
     cells = cells.with_columns(
         pl.col("status").is_in(("sparse", "weakly_identified")).cast(pl.Float64).alias("doubtful"),
@@ -56,8 +56,8 @@ def _pair(agents: tuple[str, str], cells: pl.DataFrame, called: Mapping[str, str
     values = matrix(cells, "synergy", drawn)
     doubtful = np.nan_to_num(matrix(cells, "doubtful", drawn)) > 0
     marked = "* sparse (n < 5) or weakly identified." if doubtful.any() else ""
-    unseen = int(np.isnan(values).sum())
-    grey = f"Grey, n/a: never observed together, or not told by the data ({unseen:,})." if unseen else ""
+    n_unseen = int(np.isnan(values).sum())
+    grey = f"Grey, n/a: never observed together, or not told by the data ({n_unseen:,})." if n_unseen else ""
     return Heatmap(
         agents=agents,
         title=with_estimator(f"Synergy: {agent} while {other} works", cells),

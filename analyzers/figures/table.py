@@ -1,4 +1,4 @@
-"""A table to read: typed columns, and the same as markdown."""
+"""A table for readers: typed columns, and the same table as markdown."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hrclog.arrays import IntArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DataTable:
-    """Rows of a frame under a title. Nothing is shortened in `frame`; a column `*_s` is in seconds.
+    """Rows of a frame under a title. `frame` holds full values; a column `*_s` is in seconds.
 
     `times_ns` places each row in its run, ns since the first event.
     """
@@ -26,7 +26,7 @@ class DataTable:
 
 
 def markdown(table: DataTable, max_rows: int, width: int = 60) -> str:
-    """Return the table as markdown: title, caption and at most `max_rows` rows; what is left out is said."""
+    """Return the table as markdown: title, caption, at most `max_rows` rows, and a note if rows are left out."""
     frame = table.frame.head(max_rows)
     lines = [f"### {table.title}", ""]
     if table.caption:
@@ -52,7 +52,7 @@ def _cell(value: object, width: int) -> str:
 
 
 def number(value: float) -> str:
-    """Return a number in the precision that a reader needs: three decimals, fewer from 100 up."""
+    """Return a number as readers need it: with three decimals, or fewer from 100 on."""
     if not math.isfinite(value):
         return "n/a"
     if value == 0 or 1e-3 <= abs(value) < 1e6:

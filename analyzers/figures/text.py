@@ -1,4 +1,4 @@
-"""Names as labels: printable, short enough to be drawn, and unlike each other."""
+"""Names as labels: printable, short enough to draw, and different from each other."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _MARKDOWN: Final = str.maketrans({char: f"\\{char}" for char in "\\`*_{}[]<>()#+
 def printable(text: str) -> str:
     """Return the text on one line, control and direction characters shown as "·", UNNAMED if nothing is left.
 
-    Joiners stay within scripts and emoji that need them; in ASCII they would be differences that nobody sees.
+    Joiners are kept in scripts and emoji that need them. In ASCII they would be invisible differences.
     """
-    shown = text
+    printed = text
     if not text.isprintable():
-        shown = "".join(_printable_at(text, at) for at in range(len(text)))
-    return " ".join(shown.split()) or UNNAMED
+        printed = "".join(_printable_at(text, at) for at in range(len(text)))
+    return " ".join(printed.split()) or UNNAMED
 
 
 def _printable_at(text: str, at: int) -> str:
@@ -35,75 +35,75 @@ def _printable_at(text: str, at: int) -> str:
 def shorten(text: str, width: int) -> str:
     """Return the printable text in at most `width` characters; an ellipsis stands for its middle.
 
-    The middle goes, because long names tend to share their beginning and differ in their end.
+    The middle is cut, because long names often share their beginning and differ at their end.
     """
-    shown = printable(text)
-    if len(shown) <= width:
-        return shown
+    printed = printable(text)
+    if len(printed) <= width:
+        return printed
     tail = (width - 1) // 3
-    return f"{shown[: width - 1 - tail]}…{shown[len(shown) - tail :]}"
+    return f"{printed[: width - 1 - tail]}…{printed[len(printed) - tail :]}"
 
 
 def ending(text: str, width: int) -> str:
     """Return the printable text in at most `width` characters; an ellipsis stands for its beginning."""
-    shown = printable(text)
-    return shown if len(shown) <= width else f"…{shown[len(shown) - width + 1 :]}"
+    printed = printable(text)
+    return printed if len(printed) <= width else f"…{printed[len(printed) - width + 1 :]}"
 
 
 def beginning(text: str, width: int) -> str:
     """Return the printable text in at most `width` characters; an ellipsis stands for its end."""
-    shown = printable(text)
-    return shown if len(shown) <= width else f"{shown[: width - 1]}…"
+    printed = printable(text)
+    return printed if len(printed) <= width else f"{printed[: width - 1]}…"
 
 
 def shorten_apart(names: Iterable[str], width: int) -> dict[str, str]:
-    """Return a label of at most `width` characters per name: names that are printed unlike have labels unlike.
+    """Return a label of at most `width` characters per name: names that print differently have different labels.
 
-    All are cut at their middle, beginning or end, whichever keeps most of them apart. Those that are alike even so show
-    where they begin to differ, and those that differ in their length only have a number. Short names stay as they are.
+    All names are cut at their middle, beginning or end, whichever keeps most labels different. Labels that are still
+    equal show where the names begin to differ. Names that differ only in length get a number. Short names are kept.
 
     Args:
-        names: in any order, which does not matter.
+        names: in any order; the result does not depend on it.
         width: 8 or more, so that there is room for numbers.
     """
-    shown = {name: printable(name) for name in names}
-    texts = sorted(set(shown.values()))
+    printed = {name: printable(name) for name in names}
+    texts = sorted(set(printed.values()))
     cuts = [{text: cut(text, width) for text in texts} for cut in (shorten, ending, beginning)]
     best = max(cuts, key=lambda labels: len(set(labels.values())))
-    for alike in _alike({text: label for text, label in best.items() if text != label}):
-        best |= _where_they_differ(alike, width)
-    labels = _numbered(best, width)
-    return {name: labels[text] for name, text in shown.items()}
+    for alike in _group_alike({text: label for text, label in best.items() if text != label}):
+        best |= _labels_at_difference(alike, width)
+    labels = _number_duplicates(best, width)
+    return {name: labels[text] for name, text in printed.items()}
 
 
-def _alike(labels: Mapping[str, str]) -> list[list[str]]:
-    """Return the texts of each label that several have."""
+def _group_alike(labels: Mapping[str, str]) -> list[list[str]]:
+    """Return the groups of texts that share a label."""
     texts: dict[str, list[str]] = {}
     for text, label in labels.items():
         texts.setdefault(label, []).append(text)
     return [group for group in texts.values() if len(group) > 1]
 
 
-def _where_they_differ(texts: Sequence[str], width: int) -> dict[str, str]:
-    """Return labels of long texts in which the first characters that differ are seen."""
+def _labels_at_difference(texts: Sequence[str], width: int) -> dict[str, str]:
+    """Return labels of long texts that show the first characters in which the texts differ."""
     labels: dict[str, str] = {}
     waiting = [texts]
     while waiting:
         group = waiting.pop()
         place = _first_difference(min(group), max(group))
-        found = {text: _with(text, place, width) for text in group}
-        labels |= found
-        waiting += [alike for alike in _alike(found) if len(alike) < len(group)]
+        cut_labels = {text: _skip_to(text, place, width) for text in group}
+        labels |= cut_labels
+        waiting += [alike for alike in _group_alike(cut_labels) if len(alike) < len(group)]
     return labels
 
 
-def _first_difference(one: str, other: str) -> int:
-    pairs = enumerate(zip(one, other, strict=False))
-    return next((at for at, (char, its) in pairs if char != its), min(len(one), len(other)))
+def _first_difference(first: str, second: str) -> int:
+    pairs = enumerate(zip(first, second, strict=False))
+    return next((index for index, (char, other_char) in pairs if char != other_char), min(len(first), len(second)))
 
 
-def _with(text: str, place: int, width: int) -> str:
-    """Return the beginning of a long text and what it has from a place on."""
+def _skip_to(text: str, place: int, width: int) -> str:
+    """Return the beginning of a long text, an ellipsis, and the text from a place on."""
     head = (width - 1) // 3
     room = width - head - 1
     if place <= head + 1:
@@ -111,19 +111,19 @@ def _with(text: str, place: int, width: int) -> str:
     return f"{text[:head]}…{beginning(text[min(place, len(text) - room) :], room)}"
 
 
-def _numbered(labels: Mapping[str, str], width: int) -> dict[str, str]:
-    """Return the labels with a number at the end of those that another text has already, uncut ones as they are."""
-    taken: dict[str, str] = {}
+def _number_duplicates(labels: Mapping[str, str], width: int) -> dict[str, str]:
+    """Return the labels, with a number at the end of those that are taken already. Uncut labels are kept."""
+    text_by_label: dict[str, str] = {}
     for text in sorted(labels, key=lambda text: (text != labels[text], text)):
         label, count = labels[text], 1
-        while label in taken:
+        while label in text_by_label:
             count += 1
             number = f"({count})"
             label = labels[text][: width - len(number)] + number
-        taken[label] = text
-    return {text: label for label, text in taken.items()}
+        text_by_label[label] = text
+    return {text: label for label, text in text_by_label.items()}
 
 
 def markdown_escape(text: str) -> str:
-    """Return the text so that a markdown cell shows it as it is; "" stays ""."""
+    """Return the text escaped for a markdown cell; "" stays ""."""
     return printable(text).translate(_MARKDOWN) if text else ""

@@ -1,1 +1,1 @@
-"""Runs that are followed while they are recorded: what is told of them is folded in, and drawn in a viewer."""
+"""Follow runs while they are recorded: fold in new events, and draw them in a viewer."""

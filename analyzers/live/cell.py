@@ -1,4 +1,4 @@
-"""The cell of a run that goes on: what was said of it, and what has moved since it was last drawn."""
+"""The cell of a run in progress: its recorded scene, and what has moved since it was last drawn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class LiveCell:
     """The cell of one run; `has_news` while something is not drawn yet.
 
     Args:
-        run_id: whose.
+        run_id: the run of the cell.
     """
 
     def __init__(self, run_id: str) -> None:
@@ -28,7 +28,7 @@ class LiveCell:
         self.has_news = False
 
     def take(self, said: RecordedScene) -> None:
-        """Take in what is new; of two scenes or descriptions the first one counts."""
+        """Take in new parts of the scene. Of two scenes or descriptions, the first counts."""
         self._scene = self._scene or said.scenes.get(self._run_id)
         for (run_id, agent), text in said.descriptions.items():
             if run_id == self._run_id:
@@ -40,7 +40,7 @@ class LiveCell:
             self._posed_ns = max(self._posed_ns, int(poses["time_ns"].max()))  # type: ignore[arg-type]  # an int64 column
 
     def unseen(self, said: RecordedScene) -> RecordedScene:
-        """Return a log's scene without the poses that were taken in."""
+        """Return a log's scene without the poses that were taken in already."""
         return RecordedScene(said.scenes, said.descriptions, said.poses.filter(pl.col("time_ns") > self._posed_ns))
 
     def sampled(self, signals: pl.DataFrame) -> None:
@@ -49,12 +49,12 @@ class LiveCell:
         self._firsts = pl.concat([self._firsts, firsts.filter(~pl.col("name").is_in(self._firsts["name"].to_list()))])
 
     def samples(self, signals: pl.DataFrame) -> pl.DataFrame:
-        """Return new samples so that a cell can be drawn from them: a joint is where its first sample is, before it."""
+        """Return new samples and the first ones of all joints: before its first sample, a joint stands there."""
         bodies = pl.col("name").str.replace(r"/[^/]*$", "").is_in(list(self._descriptions))
         return pl.concat([self._firsts.filter(bodies), signals]).unique(maintain_order=True)
 
     def scene(self) -> RunScene | None:
-        """Return the cell with the poses that are new, None where there is none; poses alone are none."""
+        """Return the cell with its new poses, None if there is no cell. Poses alone are no cell."""
         if self._scene is None and not self._descriptions:
             return None
         self.has_news = False

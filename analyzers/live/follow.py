@@ -1,4 +1,4 @@
-"""Follow the runs that are recorded into a folder, in a viewer: each as it grows, and statistics as each ends."""
+"""Follow the runs that are recorded into a folder: show each in a viewer as it grows, and statistics as it ends."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from hrclog.wording import counted
 
 EVERY_S: Final = 0.5
 DRAWN_RUNS: Final = 3
-"""How many runs are drawn, the latest ones, of those that are found when they are over."""
+"""How many of the runs that are found after their end are drawn: the latest ones."""
 
 Tell = Callable[[str], None]
-"""Takes a sentence for the user."""
+"""A function that takes a sentence for the user."""
 
 
 @dataclass(slots=True)
 class Followed:
-    """The ids of the runs that were followed, and of those among them that have ended."""
+    """The ids of the runs that were followed, and of those that have ended."""
 
     runs: set[str] = field(default_factory=set)
     ended: set[str] = field(default_factory=set)
@@ -51,20 +51,20 @@ def follow(
     on_file: Callable[[Path], None] = lambda _: None,
     followed: Followed | None = None,
 ) -> Followed:
-    """Follow the runs of a folder until it is enough.
+    """Follow the runs of a folder until `wait` says that it is enough.
 
     Args:
-        folder: into which runs are recorded; those that are there already count in the statistics.
+        folder: into which runs are recorded. Runs that are there already count in the statistics.
         url: of the viewer, `rerun+http://127.0.0.1:PORT/proxy`.
-        wait: waits so many seconds, and says whether it is enough; asked with 0 before each log that is there already.
-        every_s: how often to look.
+        wait: waits some seconds, and returns whether it is enough. Called with 0 before each log that is there already.
+        every_s: seconds between looks.
         until_idle_s: also end after so many seconds without anything new.
-        tell: told what is not drawn, and what cannot be read.
+        tell: receives what is not drawn, and what cannot be read.
         on_file: called after each log that is there already, for progress.
-        followed: counted in, for whom wants to know although this fails.
+        followed: updated with the runs, so that callers know them even if this function fails.
 
     Raises:
-        LogReadError: the folder is not there, or is gone.
+        LogReadError: the folder does not exist, or no longer.
     """
     followed = Followed() if followed is None else followed
     live = _Live(folder, url, tell, followed)
@@ -76,7 +76,7 @@ def follow(
             if live.look():
                 last_news = began
             took = time.monotonic() - began
-            enough = wait(max(every_s - took, took))  # rests for half of the time, whatever there is to do
+            enough = wait(max(every_s - took, took))  # rests for at least half of the time
             if until_idle_s is not None and time.monotonic() - last_news >= until_idle_s:
                 live.statistics.finish()
                 enough = True
@@ -97,21 +97,21 @@ class _Live:
         self._campaign: CampaignStream | None = None
         self.statistics = Statistics(self._ended, self._show)
         self._journals: dict[Path, LiveJournal] = {}
-        self._read: dict[Path, Stamp] = {}  # logs as they were when they were read
-        self._seen: dict[Path, Stamp] = {}  # logs as they were at the last look
-        self._drawn: Counter[str] = Counter()
+        self._read_stamps: dict[Path, Stamp] = {}  # logs as they were when they were read
+        self._last_stamps: dict[Path, Stamp] = {}  # logs as they were at the last look
+        self._n_recordings: Counter[str] = Counter()
 
     def start(self, on_file: Callable[[Path], None], wait: Callable[[float], bool]) -> bool:
-        """Read the logs that are there, and draw the latest of their runs; return whether to go on."""
+        """Read the logs that are there, draw the latest of their runs, and return whether to go on."""
         listing = list_folder(self._folder)
         for path, stamp in listing.logs.items():
             if wait(0.0):
                 return False
             self._read_log(path, stamp)
             on_file(path)
-        self._seen = dict(listing.logs)
+        self._last_stamps = dict(listing.logs)
         self._draw_latest(self._ended.starts(), "earlier")
-        self.statistics.finish()  # before what goes on: whatever comes last is what a viewer shows
+        self.statistics.finish()  # before runs in progress, because a viewer shows what comes last
         self._find_journals(list_folder(self._folder))  # reading may have taken a while
         for journal in self._journals.values():
             journal.look(draw=False)
@@ -123,7 +123,7 @@ class _Live:
         return True
 
     def look(self) -> bool:
-        """Take in what is new, draw it, and return whether there was anything."""
+        """Take in and draw what is new, and return whether there was anything."""
         listing = list_folder(self._folder)
         fresh = self._take_logs(listing)
         self._find_journals(listing)
@@ -139,7 +139,7 @@ class _Live:
         return fresh
 
     def close(self) -> None:
-        """Let go of the viewer."""
+        """Disconnect from the viewer."""
         self.statistics.close()
         for journal in self._journals.values():
             journal.close()
@@ -152,26 +152,28 @@ class _Live:
                 self._journals[path] = LiveJournal(path, self._url, self._tell, self._ended.events_of, self._new_id)
 
     def _take_logs(self, listing: Listing) -> bool:
-        """Read logs that are new, finish the runs that became them, and forget logs that are gone."""
-        gone = self._read.keys() - listing.logs.keys()
+        """Read new logs, finish the runs whose journals became logs, and forget logs that are gone."""
+        gone = self._read_stamps.keys() - listing.logs.keys()
         for path in gone:
             self._ended.drop(path)
-            del self._read[path]
+            del self._read_stamps[path]
             self.statistics.changed()
         finished = {finished_log(path): path for path in self._journals}
-        changed = {path: stamp for path, stamp in listing.logs.items() if self._read.get(path) != stamp}
-        # one that nobody was seen to record may still be copied
-        new = {path: stamp for path, stamp in changed.items() if path in finished or self._seen.get(path) == stamp}
-        self._seen = dict(listing.logs)
-        found: list[Path] = []
+        changed = {path: stamp for path, stamp in listing.logs.items() if self._read_stamps.get(path) != stamp}
+        # a log without a journal seen before may still be being copied
+        new = {
+            path: stamp for path, stamp in changed.items() if path in finished or self._last_stamps.get(path) == stamp
+        }
+        self._last_stamps = dict(listing.logs)
+        new_paths: list[Path] = []
         for path, stamp in new.items():
             logs = self._read_log(path, stamp)
             if path in finished:
                 self._finish(self._journals.pop(finished[path]), logs)
             elif logs is not None:
-                found.append(path)
-        if found:
-            starts = self._ended.starts().filter(pl.col("path").is_in([str(path) for path in found]))
+                new_paths.append(path)
+        if new_paths:
+            starts = self._ended.starts().filter(pl.col("path").is_in([str(path) for path in new_paths]))
             self._followed.runs.update(starts["run_id"])
             self._followed.ended.update(starts["run_id"])
             self._draw_latest(starts, "further")
@@ -186,8 +188,8 @@ class _Live:
         self._followed.ended.add(journal.run_id)
 
     def _read_log(self, path: Path, stamp: Stamp) -> Logs | None:
-        """Take a log into the statistics; what cannot be read is told."""
-        self._read[path] = stamp
+        """Take a log into the statistics, and tell the user what cannot be read."""
+        self._read_stamps[path] = stamp
         self._ended.drop(path)
         self.statistics.changed()
         try:
@@ -202,7 +204,7 @@ class _Live:
         return logs
 
     def _draw_latest(self, starts: pl.DataFrame, which: str) -> None:
-        """Draw the latest of some runs, and say how many others there are."""
+        """Draw the latest of some runs, and tell the user how many others there are."""
         n_others = max(starts.height - DRAWN_RUNS, 0)
         if n_others:
             others = counted(n_others, f"{which} run is", f"{which} runs are")
@@ -220,9 +222,9 @@ class _Live:
             stream.close()
 
     def _new_id(self, run_id: str) -> str:
-        """Return the id of another recording of a run."""
-        self._drawn[run_id] += 1
-        return run_id if self._drawn[run_id] == 1 else f"{run_id}-{self._drawn[run_id]}"
+        """Return a new id for a recording of a run."""
+        self._n_recordings[run_id] += 1
+        return run_id if self._n_recordings[run_id] == 1 else f"{run_id}-{self._n_recordings[run_id]}"
 
     def _show(self, analysis: Analysis) -> None:
         if self._campaign is None:

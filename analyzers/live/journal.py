@@ -1,4 +1,4 @@
-"""A run that is recorded now: its journal is followed, and what is new is drawn."""
+"""A run that is being recorded: follow its journal, and draw what is new."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from hrclog.log.reader import Logs
 from hrclog.log.signals import SIGNAL_COLUMNS
 
 QUIET_NS: Final = 60_000_000_000
-"""A journal that has not grown for so long, and of which the system does not say who writes it, counts as left."""
+"""A journal counts as abandoned if it has not grown for so long and the system does not know its writer."""
 
-_CLOCK_NS: Final = 10_000_000  # a file's time of change is that coarse
+_CLOCK_NS: Final = 10_000_000  # the resolution of a file's time of change
 
 
 class LiveJournal:
-    """A journal that is followed, and the recording of its run in a viewer; `is_alive` while somebody writes it.
+    """A journal that is followed, and the recording of its run in a viewer; `is_alive` while it is being written.
 
     Args:
         path: the journal.
         url: of the viewer.
-        tell: told what cannot be read.
-        earlier: returns the events that earlier logs hold of a run, which goes on here.
+        tell: receives what cannot be read.
+        earlier: returns the events that earlier logs hold of a run that this journal continues.
         new_id: returns an id for another recording of a run.
     """
 
@@ -56,9 +56,9 @@ class LiveJournal:
         self._run: LiveRun | None = None
         self._stream: RunStream | None = None
         self._changed_ns = 0
-        self._was_held = False  # a recorder has been seen to write it
-        self._let_go = False  # and nobody did at the last look
-        self._told: set[str] = set()
+        self._was_held = False  # a recorder was seen writing it
+        self._let_go = False  # and no recorder was seen at the last look
+        self._told_texts: set[str] = set()
 
     @property
     def is_drawn(self) -> bool:
@@ -67,19 +67,19 @@ class LiveJournal:
 
     @property
     def run_id(self) -> str:
-        """Return the run, "" while nothing is known of it."""
+        """Return the id of the run, "" while it is not known."""
         return self._run.run_id if self._run is not None else ""
 
     def look(self, *, draw: bool = True) -> bool:
-        """Take in what is new and draw it; return whether there was anything.
+        """Take in and draw what is new, and return whether there was anything.
 
         Args:
-            draw: also if the run has not been drawn so far and is not alive.
+            draw: draw the run even if it is not alive and has not been drawn so far.
         """
         fresh = False
         more = True
         while more:
-            news = self._news()
+            news = self._read_news()
             more = news is not None and news.more
             fresh |= news is not None and self._take(news)
         was_alive, self.is_alive = self.is_alive, self._has_recorder()
@@ -88,10 +88,10 @@ class LiveJournal:
         return fresh
 
     def finish(self, logs: Logs) -> None:
-        """Draw the rest of the run, now that its log is whole.
+        """Draw the rest of the run, now that its log is complete.
 
         Args:
-            logs: what the journal has become, which counts among the earlier logs by now.
+            logs: the log that the journal has become. It counts among the earlier logs by now.
         """
         if self._run is None and logs.events.height:
             self._run = self._new_run(logs.events.head(0), str(logs.events["run_id"][0]))
@@ -99,7 +99,7 @@ class LiveJournal:
         if run is None:
             return
         stream = self._open(run)
-        # on the clock on which the run has been drawn so far, whatever has turned out to be earlier
+        # on the clock of the drawing so far, even if earlier events have turned up
         events = self._earlier(run.run_id).with_columns(pl.col("time_ns").clip(run.origin_ns))
         run.take_log(events, logs.signals, logs.scene)
         stream.send(run.part(run.latest_ns, alive=False))
@@ -110,12 +110,12 @@ class LiveJournal:
         self.close()
 
     def close(self) -> None:
-        """Let go of the viewer."""
+        """Disconnect from the viewer."""
         if self._stream is not None:
             self._stream.close()
             self._stream = None
 
-    def _news(self) -> News | None:
+    def _read_news(self) -> News | None:
         try:
             return self._follower.look()
         except LogReadError as error:
@@ -123,7 +123,7 @@ class LiveJournal:
             return None
 
     def _take(self, news: News) -> bool:
-        """Take in what a look has found, and return whether it was anything."""
+        """Take in news of the journal, and return whether there were events or samples."""
         self._changed_ns = news.changed_ns
         for diagnostic in news.diagnostics:
             self._tell_once(str(diagnostic))
@@ -143,14 +143,14 @@ class LiveJournal:
         return LiveRun(events) if events.height else None
 
     def _has_recorder(self) -> bool:
-        held = is_being_written(self._path)
-        if held is None and not exists(self._path):  # it is a log by now
+        is_held = is_being_written(self._path)
+        if is_held is None and not exists(self._path):  # it has become a log
             return True
-        self._was_held |= bool(held)
-        let_go, self._let_go = self._let_go, self._was_held and not held
-        if self._was_held:  # one that has just closed its log lets go of the journal before the log takes its place
-            return bool(held) or not let_go
-        return bool(held) or time.time_ns() - self._changed_ns <= QUIET_NS
+        self._was_held |= bool(is_held)
+        let_go, self._let_go = self._let_go, self._was_held and not is_held
+        if self._was_held:  # a recorder that closes its log releases the journal before the log replaces it
+            return bool(is_held) or not let_go
+        return bool(is_held) or time.time_ns() - self._changed_ns <= QUIET_NS
 
     def _draw(self, run: LiveRun, *, fresh: bool, woke: bool) -> None:
         is_new = self._stream is None
@@ -160,9 +160,9 @@ class LiveJournal:
             now_ns += max(0, time.time_ns() - self._changed_ns - _CLOCK_NS)
         if fresh or woke or is_new or self.is_alive:
             stream.send(run.part(now_ns, alive=self.is_alive or run.has_ended))
-        left = not self.is_alive and not run.has_ended
-        stream.name(f"{run.name} ({'unfinished' if left else 'live'})")
-        if left:
+        is_abandoned = not self.is_alive and not run.has_ended
+        stream.name(f"{run.name} ({'unfinished' if is_abandoned else 'live'})")
+        if is_abandoned:
             remedy = f"hrclog recover {self._path} closes the log"
             self._tell_once(f"{self._path}: its recorder has gone, what was open is shown as unfinished; {remedy}")
 
@@ -172,6 +172,6 @@ class LiveJournal:
         return self._stream
 
     def _tell_once(self, text: str) -> None:
-        if text not in self._told:
-            self._told.add(text)
+        if text not in self._told_texts:
+            self._told_texts.add(text)
             self._tell(text)

@@ -1,7 +1,7 @@
-"""The lanes of a run that goes on, as the changes since they were last asked for.
+"""The lanes of a run in progress, as changes since the last call.
 
-An execution that goes on has a beginning and no end; a viewer draws it up to the end of time, which is now. What was
-planned is said when its time has come: a plan's future would be the end of time.
+An open execution has a beginning and no end, and a viewer draws it up to the end of the timeline, which is now. A
+planned bar is sent only when its time has come, because a future bar would move the end of the timeline.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ANCHOR: Final = {name: "" if kind == pl.String else 0 for name, kind in INTERVA
 
 @dataclass(slots=True)
 class LaneNews:
-    """What is new in a lane: states from instants on (ns since the run's first event), and colours by state so far."""
+    """What is new in a lane: states from instants on (ns since the run's first event), and all colours by state."""
 
     times_ns: list[int] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
@@ -38,8 +38,8 @@ class LaneNews:
 
 
 @dataclass(slots=True)
-class _Placed:
-    """An execution in its lane, and the instants at which something was said of it."""
+class _PlacedExecution:
+    """The lane number of an execution, and the instants at which its states were sent."""
 
     number: int
     said: tuple[int, ...] = ()
@@ -55,13 +55,13 @@ class LiveLanes:
     def __init__(self, origin_ns: int) -> None:
         self._origin_ns = origin_ns
         self._tasks: set[str] = set()
-        self._open: dict[str, _Placed] = {}
+        self._open: dict[str, _PlacedExecution] = {}
         self._free_ns: dict[tuple[str, LaneKind], list[int]] = {}  # from when each lane of an agent is free
         self._colors: dict[LaneKey, dict[str, Color]] = {}
         self._planned: set[tuple[str, int, int, str]] = set()
         self._later: list[tuple[int, int, LaneKey, str, Color | None]] = []
         self._numbers = count()
-        self._said: dict[LaneKey, dict[int, str]] = {}
+        self._states: dict[LaneKey, dict[int, str]] = {}
         self._news: dict[LaneKey, LaneNews] = {}
 
     def keys(self) -> list[LaneKey]:
@@ -77,13 +77,13 @@ class LiveLanes:
             executions: schema `INTERVALS`.
             pauses: execution id -> (start_ns, end_ns, cause).
             now_ns: until when open executions have lasted.
-            alive: they go on; if not, they are shown to be still open, and end there.
+            alive: whether open executions go on. If not, they are shown as still open, and end at `now_ns`.
         """
         self._tasks.update(executions["task"])
         is_open = pl.col("end_ns").is_null()
         until_ns = pl.max_horizontal(pl.lit(now_ns, pl.Int64), "start_ns")
         shown = executions.with_columns(
-            # in the colours of what is well, until it turns out otherwise
+            # in the colours of success, until the outcome is known
             pl.when(is_open & alive).then(pl.lit("succeeded")).otherwise("outcome").alias("outcome"),
             pl.when(is_open & alive).then(until_ns).otherwise("end_ns").alias("end_ns"),
             pl.when(is_open).then(until_ns).otherwise("until_ns").alias("until_ns"),
@@ -92,66 +92,68 @@ class LiveLanes:
         for rows in shown.iter_slices(_SLICE):
             lanes = self._lanes_by_execution(rows, pauses)
             for row in rows.select("execution_id", "agent", "start_ns", "until_ns", "end_ns").iter_rows(named=True):
-                self._place(row, lanes.get((row["execution_id"], "done"), ()), goes_on=row["execution_id"] in open_ones)
+                self._place_execution(
+                    row, lanes.get((row["execution_id"], "done"), ()), goes_on=row["execution_id"] in open_ones
+                )
                 for bar in lanes.get((row["execution_id"], "planned"), ()):
-                    self._plan(row["agent"], bar)
+                    self._add_plan(row["agent"], bar)
 
     def take_safety(self, lanes: Iterable[Lane]) -> None:
-        """Take in the safety states from the last known one on; each holds until the next."""
+        """Take in the safety states from the last known one on. Each holds until the next."""
         for lane in lanes:
             key: LaneKey = (lane.agent, lane.kind, lane.number)
             for bar in lane.bars:
-                if self._said.get(key, {}).get(bar.start_ns) != bar.label:
-                    self._say(key, bar.start_ns, bar.label, bar.color)
+                if self._states.get(key, {}).get(bar.start_ns) != bar.label:
+                    self._add_state(key, bar.start_ns, bar.label, bar.color)
 
     def news(self, now_ns: int) -> dict[LaneKey, LaneNews]:
-        """Return what is new up to an instant, by lane, and forget it."""
+        """Return the changes up to an instant by lane, and forget them."""
         while self._later and self._later[0][0] <= now_ns - self._origin_ns:
             time_ns, _, key, state, color = heappop(self._later)
-            self._say(key, time_ns, state, color)
-        found, self._news = self._news, {}
-        for key, news in found.items():
+            self._add_state(key, time_ns, state, color)
+        lane_news, self._news = self._news, {}
+        for key, news in lane_news.items():
             news.colors = self._colors[key]
-        return found
+        return lane_news
 
     def finish(self, lanes: Iterable[Lane]) -> None:
-        """Take in the lanes as they are when all is known: what differs is new, and lanes that are none are emptied."""
-        known: dict[LaneKey, Lane] = {(lane.agent, lane.kind, lane.number): lane for lane in lanes}
+        """Take in the final lanes. Differences are changes, and lanes that are not among them become empty."""
+        lanes_by_key: dict[LaneKey, Lane] = {(lane.agent, lane.kind, lane.number): lane for lane in lanes}
         self._later.clear()
-        for key in {**self._said, **known}:
-            lane = known.get(key)
+        for key in {**self._states, **lanes_by_key}:
+            lane = lanes_by_key.get(key)
             states = dict(zip(*state_changes(lane), strict=True)) if lane is not None else {}
             colors = {bar.label: bar.color for bar in lane.bars} if lane is not None else {}
             self._colors.setdefault(key, {}).update(colors)
-            self._correct(key, states, tuple(self._said.get(key, ())), colors)
+            self._correct(key, states, tuple(self._states.get(key, ())), colors)
 
     def _lanes_by_execution(
         self, rows: pl.DataFrame, pauses: Mapping[str, list[tuple[int, int, str]]]
     ) -> dict[tuple[str, LaneKind], tuple[Bar, ...]]:
-        """Return the bars of each execution, drawn as if it were an agent of its own."""
+        """Return the bars of each execution, drawn as if it were a separate agent."""
         # a row of every task, so that each keeps its colour
         anchors = pl.DataFrame([_ANCHOR | {"task": task} for task in sorted(self._tasks)], INTERVALS, orient="row")
         alone = pl.concat([rows.with_columns(pl.col("execution_id").alias("agent")), anchors])
         lanes = execution_lanes(alone, dict(pauses), self._origin_ns)
         return {(lane.agent, lane.kind): lane.bars for lane in lanes}
 
-    def _place(self, row: Mapping[str, Any], bars: Iterable[Bar], *, goes_on: bool) -> None:
+    def _place_execution(self, row: Mapping[str, Any], bars: Iterable[Bar], *, goes_on: bool) -> None:
         name, start_ns = row["execution_id"], row["start_ns"] - self._origin_ns
         until_ns = row["until_ns"] - self._origin_ns
-        known = self._open.get(name) or _Placed(self._free_lane(row["agent"], "done", start_ns))
-        key: LaneKey = (row["agent"], "done", known.number)
-        self._free_ns[row["agent"], "done"][known.number] = _FOREVER if goes_on else until_ns
-        states = {bar.start_ns: bar.label for bar in bars if goes_on or bar.end_ns > bar.start_ns or known.said}
+        placed = self._open.get(name) or _PlacedExecution(self._free_lane(row["agent"], "done", start_ns))
+        key: LaneKey = (row["agent"], "done", placed.number)
+        self._free_ns[row["agent"], "done"][placed.number] = _FOREVER if goes_on else until_ns
+        states = {bar.start_ns: bar.label for bar in bars if goes_on or bar.end_ns > bar.start_ns or placed.said}
         if states and not goes_on:
             states[until_ns] = ""
-        self._correct(key, states, known.said, {bar.label: bar.color for bar in bars})
-        known.said = tuple(states)
+        self._correct(key, states, placed.said, {bar.label: bar.color for bar in bars})
+        placed.said = tuple(states)
         if row["end_ns"] is None or goes_on:
-            self._open[name] = known
+            self._open[name] = placed
         else:
             self._open.pop(name, None)
 
-    def _plan(self, agent: str, bar: Bar) -> None:
+    def _add_plan(self, agent: str, bar: Bar) -> None:
         if (agent, bar.start_ns, bar.end_ns, bar.label) in self._planned:  # every attempt repeats it
             return
         self._planned.add((agent, bar.start_ns, bar.end_ns, bar.label))
@@ -172,25 +174,25 @@ class LiveLanes:
         return number
 
     def _correct(
-        self, key: LaneKey, states: Mapping[int, str], said_at: Iterable[int], colors: Mapping[str, Color]
+        self, key: LaneKey, states: Mapping[int, str], old_times_ns: Iterable[int], colors: Mapping[str, Color]
     ) -> None:
-        """Say states that are new, and overrule what was said at other instants."""
-        said = self._said.get(key, {})
+        """Add new states, and correct the states that were sent at other instants."""
+        old_states = self._states.get(key, {})
         starts = sorted(states)
-        changes = {time_ns: state for time_ns, state in states.items() if said.get(time_ns) != state}
-        for time_ns in said_at:
+        changes = {time_ns: state for time_ns, state in states.items() if old_states.get(time_ns) != state}
+        for time_ns in old_times_ns:
             before = bisect_right(starts, time_ns)
-            right = states[starts[before - 1]] if before else ""
-            if said[time_ns] != right:
-                changes[time_ns] = right
+            correct_state = states[starts[before - 1]] if before else ""
+            if old_states[time_ns] != correct_state:
+                changes[time_ns] = correct_state
         for time_ns, state in sorted(changes.items()):
-            self._say(key, time_ns, state, colors.get(state))
+            self._add_state(key, time_ns, state, colors.get(state))
 
-    def _say(self, key: LaneKey, time_ns: int, state: str, color: Color | None) -> None:
+    def _add_state(self, key: LaneKey, time_ns: int, state: str, color: Color | None) -> None:
         colors = self._colors.setdefault(key, {})
         if color is not None:
             colors[state] = color
-        self._said.setdefault(key, {})[time_ns] = state
+        self._states.setdefault(key, {})[time_ns] = state
         news = self._news.setdefault(key, LaneNews())
         news.times_ns.append(time_ns)
         news.states.append(state)

@@ -1,4 +1,4 @@
-"""The lines of a run that goes on: samples that are new, and what is held or adds up until now."""
+"""The lines of a run in progress: new samples, and values that are held or add up until now."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hrclog.analyzers.figures.series import MAX_SERIES, Series, speed_scales
 from hrclog.analyzers.live.executions import LiveExecutions
 
 LAG_NS: Final = 1_000_000_000
-"""What is held or adds up is drawn up to so long ago: of what has happened since, not all may have been told."""
+"""Values that are held or add up are drawn up to so long ago, because later events may not have arrived yet."""
 
 _NOTHING: Final = np.empty(0, np.int64)
 
@@ -37,37 +37,41 @@ class LiveLines:
             self._sampled_ns[name] = max(time_ns, self._sampled_ns.get(name, time_ns))
 
     def unseen(self, signals: pl.DataFrame) -> pl.DataFrame:
-        """Return the samples that come after those that were taken in."""
-        known = pl.DataFrame(
+        """Return the samples that are later than those taken in already."""
+        sampled = pl.DataFrame(
             list(self._sampled_ns.items()), schema={"name": pl.String, "until_ns": pl.Int64}, orient="row"
         )
-        joined = signals.join(known, on="name", how="left", maintain_order="left")
+        joined = signals.join(sampled, on="name", how="left", maintain_order="left")
         return joined.filter(pl.col("until_ns").is_null() | (pl.col("time_ns") > pl.col("until_ns"))).drop("until_ns")
 
     def news(
         self, series: Iterable[Series], safety: pl.DataFrame, executions: LiveExecutions, now_ns: int, *, alive: bool
     ) -> tuple[Series, ...]:
-        """Return what is to be drawn.
+        """Return the samples to draw.
 
         Args:
-            series: of the signals that are new; others are passed over.
+            series: series with new signals; other series are ignored.
             safety: the safety states from the last known one of each agent on.
-            executions: for the time in which agents have worked at once.
+            executions: for the time in which agents have worked at the same time.
             now_ns: since the epoch.
-            alive: more may be told of what has just happened.
+            alive: whether further events of the last moments may arrive.
         """
         until_ns = now_ns - LAG_NS if alive else now_ns
-        held = speed_scales(safety, self._origin_ns, until_ns)
-        added = executions.overlaps(self._origin_ns, until_ns)
-        other = {one.group for one in (*held, *added)}
-        signals = [one for one in series if not one.step and one.group not in other]
-        found = [*held, *filter(self._has_room, signals), *(self._rest(one, until_ns) for one in added)]
-        for one in found:
-            self._drawn.setdefault((one.group, one.name), replace(one, times_ns=_NOTHING, values=np.empty(0)))
-        return tuple(one for one in found if len(one.times_ns))
+        scales = speed_scales(safety, self._origin_ns, until_ns)
+        overlap_lines = executions.overlaps(self._origin_ns, until_ns)
+        other_groups = {line.group for line in (*scales, *overlap_lines)}
+        signals = [line for line in series if not line.step and line.group not in other_groups]
+        lines = [
+            *scales,
+            *filter(self._has_room, signals),
+            *(self._undrawn_part(line, until_ns) for line in overlap_lines),
+        ]
+        for line in lines:
+            self._drawn.setdefault((line.group, line.name), replace(line, times_ns=_NOTHING, values=np.empty(0)))
+        return tuple(line for line in lines if len(line.times_ns))
 
     def outline(self) -> tuple[Series, ...]:
-        """Return the lines that there are, without samples, in the order in which a layout has them."""
+        """Return all lines without samples, in the order of a layout."""
 
         def place(key: tuple[str, str]) -> tuple[bool, int, tuple[str, str]]:
             series = self._drawn[key]
@@ -76,11 +80,11 @@ class LiveLines:
         return tuple(self._drawn[key] for key in sorted(self._drawn, key=place))
 
     def _has_room(self, series: Series) -> bool:
-        signals = [one for one in self._drawn.values() if not one.step]
+        signals = [line for line in self._drawn.values() if not line.step]
         return (series.group, series.name) in self._drawn or len(signals) < MAX_SERIES
 
-    def _rest(self, series: Series, until_ns: int) -> Series:
-        """Return what of a line that adds up was not drawn yet."""
+    def _undrawn_part(self, series: Series, until_ns: int) -> Series:
+        """Return the part of a cumulative line that was not drawn yet."""
         key = series.group, series.name
         last = self._until_ns.setdefault(key, -1)
         new = (series.times_ns > last) & (series.times_ns <= until_ns - self._origin_ns)

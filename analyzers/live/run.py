@@ -1,6 +1,6 @@
-"""A run that goes on: what is told of it is folded in, and what is new of it is given out to be drawn.
+"""A run in progress: fold in its events, and return what is new for drawing.
 
-A look costs as much as is new and open, however long the run has been going on.
+The cost of a look depends on what is new and open, not on how long the run has lasted.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from hrclog.log.recorded_scene import RecordedScene
 from hrclog.log.signals import SIGNAL_COLUMNS
 
 LISTED: Final = 100
-"""Executions in the table of a run that goes on."""
+"""The most executions in the table of a run in progress."""
 
 _KINDS: Final = {"done": 0, "planned": 1, "safety": 2}
 _NO_LINES: Final = EventLines((), (), ())
@@ -39,14 +39,14 @@ _TASK_ORDER: Final = ("start_ns", "agent", "task", "execution_id")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LivePart:
-    """What is new of a run, to be drawn.
+    """The new parts of a run, for drawing.
 
     Attributes:
         figures: new events and samples, and facts and table as they are now; without lanes.
-        lanes: what is new in them.
-        rows: of the table, those that are new or changed, placed at their start.
-        outline: all lanes and lines that there are, empty; a layout follows from it.
-        now_ns: the instant, since the run's first event.
+        lanes: the changes in the lanes.
+        rows: the new or changed rows of the table, placed at their start.
+        outline: all lanes and lines, empty; it determines the layout.
+        now_ns: the present instant, since the run's first event.
     """
 
     figures: RunFigures
@@ -57,12 +57,12 @@ class LivePart:
 
 
 class LiveRun:
-    """One run, folded from its events as they come.
+    """One run, folded from its events as they arrive.
 
-    `figures` is what was drawn of it last.
+    `figures` is what was drawn last.
 
     Args:
-        events: its first ones, at least one; schema `EVENTS`, made usable.
+        events: the first events, at least one; schema `EVENTS`, made usable.
     """
 
     def __init__(self, events: pl.DataFrame) -> None:
@@ -98,7 +98,7 @@ class LiveRun:
         Args:
             events: schema `EVENTS`, in the order of writing.
             signals: columns `SIGNAL_COLUMNS`.
-            scene: what was said of the cell.
+            scene: what was recorded of the cell.
         """
         if events.height:
             events = usable(events).with_columns(pl.col("time_ns").clip(self.origin_ns))
@@ -115,17 +115,17 @@ class LiveRun:
         self.latest_ns = max(self.latest_ns, _highest(events["time_ns"], 0))
 
     def take_log(self, events: pl.DataFrame, signals: pl.DataFrame, scene: RecordedScene) -> None:
-        """Take in what a log holds of the run and was not taken in yet."""
+        """Take in the parts of a log that belong to the run and were not taken in yet."""
         new = events.filter((pl.col("run_id") == self.run_id) & (pl.col("seq") > self._last_seq))
-        own = signals.filter(pl.col("run_id") == self.run_id)
-        self.take(new.sort("seq"), self._lines.unseen(own), self._cell.unseen(scene))
+        run_signals = signals.filter(pl.col("run_id") == self.run_id)
+        self.take(new.sort("seq"), self._lines.unseen(run_signals), self._cell.unseen(scene))
 
     def part(self, now_ns: int, *, alive: bool) -> LivePart:
-        """Return what is new since this was last called.
+        """Return what is new since the last call.
 
         Args:
-            now_ns: until when all that is open has lasted, ns since the epoch.
-            alive: it goes on; if not, what is open is shown as left open, up to now.
+            now_ns: until when open executions have lasted, ns since the epoch.
+            alive: whether the run goes on. If not, open executions are shown as left open, up to now.
         """
         events = pl.concat([EVENTS.to_frame(), *self._events])
         signals = pl.concat([SIGNAL_COLUMNS.to_frame(), *self._signals])
@@ -135,9 +135,9 @@ class LiveRun:
             executions = self._executions.take(events)
             self._lanes.take_executions(executions, self._executions.pauses(now_ns), now_ns, alive=alive)
             self._lanes.take_safety(safety_lanes(safety, self.origin_ns, now_ns))
-            known = pl.concat([self._first, self._safety])
-            rows = self._draw(executions, known, events, signals, now_ns, alive=alive)
-        else:  # nothing but time has gone on
+            earlier_events = pl.concat([self._first, self._safety])
+            rows = self._draw(executions, earlier_events, events, signals, now_ns, alive=alive)
+        else:  # only time has passed
             rows = replace(self.figures.tasks, frame=self.figures.tasks.frame.head(0))
             self.figures = replace(self.figures, series=(), events=_NO_LINES, cell=None)
         self._was_alive = alive
@@ -147,40 +147,42 @@ class LiveRun:
         return LivePart(figures, self._lanes.news(now_ns), rows, self._outline(now_ns), now_ns - self.origin_ns)
 
     def last_part(self, figures: RunFigures) -> LivePart:
-        """Return what is still to be drawn, now that all is known.
+        """Return what is still to be drawn, now that the whole run is known.
 
         Args:
             figures: of the whole run.
         """
         self._lanes.finish(figures.gantt.lanes)
         now_ns = max(self.latest_ns - self.origin_ns, figures.gantt.end_ns)
-        rest = replace(figures, gantt=_NO_LANES, series=(), events=_NO_LINES, cell=None)
+        last_figures = replace(figures, gantt=_NO_LANES, series=(), events=_NO_LINES, cell=None)
         lanes = self._lanes.news(now_ns)
-        lines = {(one.group, one.name): one for one in (*self._lines.outline(), *figures.series)}
+        lines = {(line.group, line.name): line for line in (*self._lines.outline(), *figures.series)}
         outline = replace(figures, series=tuple(lines.values()), cell=self._cell.outline(None))
-        return LivePart(rest, lanes, replace(figures.tasks, frame=figures.tasks.frame.head(0)), outline, now_ns)
+        return LivePart(last_figures, lanes, replace(figures.tasks, frame=figures.tasks.frame.head(0)), outline, now_ns)
 
     def _draw(
         self,
         executions: pl.DataFrame,
-        known: pl.DataFrame,
+        earlier_events: pl.DataFrame,
         events: pl.DataFrame,
         signals: pl.DataFrame,
         now_ns: int,
         *,
         alive: bool,
     ) -> DataTable:
-        """Draw what is new, and return the rows of the table that are."""
+        """Draw what is new, and return the new rows of the table."""
         outcome = "running" if alive else "unfinished"
-        going = (pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null()
+        is_running = (pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null()
         executions = executions.sort(_TASK_ORDER).with_columns(
-            pl.when(going).then(pl.lit(outcome)).otherwise("outcome").alias("outcome")
+            pl.when(is_running).then(pl.lit(outcome)).otherwise("outcome").alias("outcome")
         )
-        moved = signals if signals.is_empty() else self._cell.samples(signals)
+        samples = signals if signals.is_empty() else self._cell.samples(signals)
         scene = self._cell.scene() if events.height or signals.height or self._cell.has_news else None
-        figures = run_figures(self._facts(now_ns, outcome), executions, pl.concat([known, events]), moved, scene)
+        figures = run_figures(
+            self._facts(now_ns, outcome), executions, pl.concat([earlier_events, events]), samples, scene
+        )
         lines = figures.events
-        new = slice(known.height, None)
+        new = slice(earlier_events.height, None)
         self.figures = replace(
             figures,
             gantt=_NO_LANES,
@@ -191,19 +193,19 @@ class LiveRun:
         return figures.tasks
 
     def _facts(self, now_ns: int, outcome: str) -> dict[str, Any]:
-        done = self._executions
+        executions = self._executions
         return self._run | {
-            "agents": sorted({*self._run["agents"], *done.agents()}),
+            "agents": sorted({*self._run["agents"], *executions.agents()}),
             "end_ns": now_ns,
-            "makespan_s": None if done.first_ns is None else (now_ns - done.first_ns) / 1e9,
-            "n_executions": done.n_started,
-            "n_failed": done.n_failed,
-            "n_open": done.open.height,
+            "makespan_s": None if executions.first_ns is None else (now_ns - executions.first_ns) / 1e9,
+            "n_executions": executions.n_started,
+            "n_failed": executions.n_failed,
+            "n_open": executions.open.height,
             "outcome": outcome,
         }
 
     def _table(self, names: list[str], rows: pl.DataFrame) -> DataTable:
-        """Return the latest executions, given those that are new or changed."""
+        """Return the table of the latest executions, after an update with the new or changed rows."""
         for name, row in zip(names, rows.iter_rows(named=True), strict=True):
             self._listed[name] = row
         while len(self._listed) > LISTED:

@@ -1,4 +1,4 @@
-"""What statistics need of the runs that have ended, and their analysis beside whatever else goes on."""
+"""The data of ended runs that statistics need, and their analysis in the background."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from hrclog.log.reader import ORDER, Logs
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept:
-    """What is kept of a log: of its signals, the values of smallest distances, by run and name."""
+class _KeptLog:
+    """The parts of a log that are kept. Of its signals, these are the smallest distances, by run and name."""
 
     events: pl.DataFrame
     distances: dict[tuple[str, str], pl.Series]
@@ -32,14 +32,14 @@ class EndedRuns:
     """The runs that have ended, by the log that holds them."""
 
     def __init__(self) -> None:
-        self._logs: dict[Path, _Kept] = {}
+        self._logs: dict[Path, _KeptLog] = {}
 
     def put(self, path: Path, logs: Logs) -> None:
-        """Take in a log, in place of what was there under that path."""
-        near = logs.signals.filter(pl.col("name").str.split("/").list.last() == MINIMUM_DISTANCE)
-        parts = near.group_by("run_id", "name", maintain_order=True)
+        """Take in a log, in place of an earlier one under the same path."""
+        distance_signals = logs.signals.filter(pl.col("name").str.split("/").list.last() == MINIMUM_DISTANCE)
+        parts = distance_signals.group_by("run_id", "name", maintain_order=True)
         distances = {(str(run), str(name)): part["value"] for (run, name), part in parts}
-        self._logs[path] = _Kept(logs.events, distances, logs.diagnostics)
+        self._logs[path] = _KeptLog(logs.events, distances, logs.diagnostics)
 
     def drop(self, path: Path) -> None:
         """Forget a log."""
@@ -47,28 +47,28 @@ class EndedRuns:
 
     def starts(self) -> pl.DataFrame:
         """Return one row per run, the earliest first: run_id, start_ns and the path of its last log."""
-        found = (
+        run_starts = (
             self._events()
             .group_by("run_id")
             .agg(pl.col("time_ns").min().alias("start_ns"), pl.col("path").sort_by("time_ns").last())
         )
-        return found.sort("start_ns", "run_id")
+        return run_starts.sort("start_ns", "run_id")
 
     def events_of(self, run_id: str) -> pl.DataFrame:
         """Return a run's events, schema `EVENTS`, in order."""
         return usable(self._events().filter(pl.col("run_id") == run_id)).sort(ORDER, maintain_order=True)
 
     def logs(self) -> Logs:
-        """Return everything together, as if it had been read at once."""
+        """Return all logs together, as if they had been read at once."""
         events, copies = without_copies(self._events())
         events = events.sort(ORDER, maintain_order=True)
-        kept = [self._logs[path] for path in sorted(self._logs)]
-        diagnostics = [one for log in kept for one in log.diagnostics]
+        logs = [self._logs[path] for path in sorted(self._logs)]
+        diagnostics = [diagnostic for log in logs for diagnostic in log.diagnostics]
         signals = [
             pl.DataFrame({"value": values}).select(
                 pl.lit(run).alias("run_id"), pl.lit(name).alias("name"), pl.lit(0).alias("time_ns"), "value"
             )
-            for log in kept
+            for log in logs
             for (run, name), values in log.distances.items()
         ]
         diagnostics += [*copies, *check_events(events)]
@@ -80,11 +80,11 @@ class EndedRuns:
 
 
 class Statistics:
-    """Analyses the runs that have ended, in a thread of its own; once more if there are others by then.
+    """Analyses the ended runs in a separate thread, and again if the runs have changed by then.
 
     Args:
         ended: the runs.
-        show: given each analysis, in that thread.
+        show: receives each analysis, in that thread.
     """
 
     def __init__(self, ended: EndedRuns, show: Callable[[Analysis], None]) -> None:
@@ -95,11 +95,11 @@ class Statistics:
         self._due = False
 
     def changed(self) -> None:
-        """Say that the runs are others than before."""
+        """Note that the runs have changed."""
         self._due = True
 
     def step(self) -> bool:
-        """Begin what is due, unless something is under way; return whether all is done."""
+        """Begin an analysis if one is due and none is running. Return whether all is done."""
         if self._under_way is not None and self._under_way.done():
             self._under_way.result()
             self._under_way = None
@@ -117,5 +117,5 @@ class Statistics:
                 self._under_way.result()
 
     def close(self) -> None:
-        """Let go of the thread, once it has done what it is at."""
+        """Stop the thread after its current analysis."""
         self._thread.shutdown(wait=True, cancel_futures=True)

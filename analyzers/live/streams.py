@@ -1,4 +1,4 @@
-"""What streams into a viewer while runs are recorded: a recording per run that grows, and one of all runs."""
+"""Streams into a viewer while runs are recorded: a growing recording per run, and one of all runs."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ class _Stream:
             self._name = name
 
     def lay_out(self, layout: Layout) -> None:
-        """Send a layout if it differs from the one before.
+        """Send a layout if it differs from the last one.
 
-        It brings the recording to the front, and undoes what the user has moved.
+        A new layout brings the recording to the front, and undoes changes that the user has made.
         """
         layout.blueprint_panel = rrb.BlueprintPanel(state="expanded")  # it lists the recordings
         shape = list(_shape(layout.root_container))
@@ -65,14 +65,14 @@ class _Stream:
             self._shape = shape
 
     def close(self) -> None:
-        """Send what is still to be sent, and let go of the viewer."""
+        """Send what is still to be sent, and disconnect from the viewer."""
         with freed_recordings():
             self.rec.disconnect()
             del self.rec
 
 
 class RunStream(_Stream):
-    """The recording of a run that goes on, or of one that is over.
+    """The recording of a run that is in progress or over.
 
     Args:
         url: of the viewer.
@@ -84,8 +84,8 @@ class RunStream(_Stream):
         super().__init__(url, run_application(figures), recording_id)
 
     def send(self, part: LivePart) -> None:
-        """Send what is new of a run that goes on."""
-        self.lay_out(_following(run_blueprint(part.outline)))
+        """Send the new parts of a run in progress."""
+        self.lay_out(_follow_layout(run_blueprint(part.outline)))
         for key, news in part.lanes.items():
             _send_lane(self.rec, key, news)
         if part.rows.times_ns is not None:
@@ -94,17 +94,17 @@ class RunStream(_Stream):
         self.tick(part.now_ns)
 
     def tick(self, now_ns: int) -> None:
-        """Let time go on: what is open is drawn up to its end."""
+        """Advance the time, up to which open executions are drawn."""
         self.rec.send_columns("/clock", [times([now_ns])], rr.AnyValues.columns(now_s=[now_ns / 1e9]))
 
     def send_whole(self, figures: RunFigures) -> None:
         """Send a run that is over."""
-        self.lay_out(_following(run_blueprint(figures)))
+        self.lay_out(_follow_layout(run_blueprint(figures)))
         send_run(self.rec, figures)
 
 
 class CampaignStream(_Stream):
-    """The recording of all runs that have ended; what is sent takes the place of what was.
+    """The recording of all ended runs. What is sent replaces what was sent before.
 
     Args:
         url: of the viewer.
@@ -117,12 +117,13 @@ class CampaignStream(_Stream):
 
     def send(self, figures: CampaignFigures) -> None:
         """Send the pictures and tables."""
-        # without steps: each of their pictures would be drawn and kept anew whenever a run ends
-        still = [Page(page.name, page.plots) for page in figures.pages if page.plots]
-        drawn = campaign_pictures(replace(figures, pages=tuple(still)))
-        frames = {path: self._framed(path, picture) for path, picture in drawn.items()}
+        # without steps, because all of their pictures would be drawn and kept again whenever a run ends
+        still_pages = [Page(page.name, page.plots) for page in figures.pages if page.plots]
+        drawn = campaign_pictures(replace(figures, pages=tuple(still_pages)))
+        frames = {path: self._frame_picture(path, picture) for path, picture in drawn.items()}
         pages = (
-            Page(page.name, tuple(replace(plot, path=frames[plot.path][0]) for plot in page.plots)) for page in still
+            Page(page.name, tuple(replace(plot, path=frames[plot.path][0]) for plot in page.plots))
+            for page in still_pages
         )
         figures = replace(figures, pages=tuple(pages))
         pictures = dict(frames.values())
@@ -130,15 +131,15 @@ class CampaignStream(_Stream):
         self.name(figures.name)
         send_campaign(self.rec, figures, pictures)
 
-    def _framed(self, path: tuple[str, ...], picture: Picture) -> tuple[tuple[str, ...], Picture]:
-        """Return a picture with a margin to grow into, and the path that it has until it has outgrown it.
+    def _frame_picture(self, path: tuple[str, ...], picture: Picture) -> tuple[tuple[str, ...], Picture]:
+        """Return a picture with a margin to grow into, and its path, which changes when it outgrows the margin.
 
-        Rerun 0.41 takes pictures of different sizes, one after the other, for a broken film.
+        Rerun 0.41 treats successive pictures of different sizes as a broken video.
         """
         height, width, _ = picture.pixels.shape
         frame = self._frames.get(path, _Frame(0, 0, 0))
         if height > frame.height or width > frame.width:
-            frame = _Frame(max(_roomy(height), frame.height), max(_roomy(width), frame.width), frame.number + 1)
+            frame = _Frame(max(_round_up(height), frame.height), max(_round_up(width), frame.width), frame.number + 1)
             self._frames[path] = frame
         margins = ((0, frame.height - height), (0, frame.width - width))
         layers = [np.pad(picture.pixels[..., i], margins, constant_values=ground) for i, ground in enumerate(CARD)]
@@ -149,21 +150,21 @@ class CampaignStream(_Stream):
 _MARGIN: Final = 120
 
 
-def _roomy(length: int) -> int:
+def _round_up(length: int) -> int:
     return -(-length // _MARGIN) * _MARGIN
 
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """How large the pictures of a path are, and the how manieth such size it is."""
+    """The size of the pictures of a path, and the number of sizes so far."""
 
     height: int
     width: int
     number: int
 
 
-def _following(layout: Layout) -> Layout:
-    """Let a layout of a run show all of it, however long it gets, with the cursor at its end."""
+def _follow_layout(layout: Layout) -> Layout:
+    """Let a layout show the whole run, however long it gets, with the cursor at its end."""
     always = rr.TimeRangeBoundary.infinite()
     for view in _views(layout.root_container):
         if "TimeAxis" in view.properties:
@@ -181,7 +182,7 @@ def _views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
 
 
 def _shape(part: rrb.Container | rrb.View) -> Iterator[object]:
-    """Yield all that makes a layout, but for the random numbers by which its parts are known."""
+    """Yield everything that defines a layout, without the random ids of its parts."""
     if isinstance(part, rrb.View):
         yield part.class_identifier, part.origin, part.name, str(part.properties)
     else:

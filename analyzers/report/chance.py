@@ -1,4 +1,4 @@
-"""How easily factors come about by chance, as their intervals tell, one by one and among many."""
+"""How probable factors are by chance, according to their intervals: each alone and among many comparisons."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _WIDTH: Final = 2 * 1.959964  # standard errors that a 95 % interval spans
 
 
 def p_value(factor: float, low: float, high: float) -> float:
-    """Return how likely a factor at least as far from 1 is without any effect, two-sided.
+    """Return the two-sided probability of a factor at least as far from 1 if there is no effect.
 
-    Its 95 % interval is taken as that of a normal log factor, or of a normal factor where an end is not above 0.
+    The log of the factor is taken to be normal. If an end of the interval is not above 0, the factor itself is.
 
     Args:
         factor: the estimate.
@@ -29,7 +29,7 @@ def p_value(factor: float, low: float, high: float) -> float:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values that allow for how many there are, whatever they have to do with each other.
+    """Return p-values corrected for the number of comparisons, which may depend on each other.
 
     S. Holm, A simple sequentially rejective multiple test procedure, Scandinavian Journal of Statistics 6, 1979.
 

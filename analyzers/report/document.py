@@ -34,7 +34,7 @@ _LONGEST_ENTRY: Final = 40  # characters of a run's name in the contents
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Figure:
-    """A plot with its number in the report; where it grew with the runs, `stages` holds it after so many of them."""
+    """A plot with its number in the report. `stages` holds (number of runs, plot) if the plot grew with the runs."""
 
     number: int
     plot: Plot
@@ -67,7 +67,7 @@ class RunSection:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Report:
-    """What a report says, before anything is drawn."""
+    """The content of a report, before anything is drawn."""
 
     title: str
     summary: str
@@ -90,7 +90,7 @@ class Report:
 
 
 def report(analysis: Analysis, *, runs: int = DEFAULT_RUNS, title: str = "", command: str = "") -> Report:
-    """Return what a report says; the same analysis gives the same report.
+    """Return the content of a report. The same analysis gives the same report.
 
     Args:
         analysis: what is reported on.
@@ -142,9 +142,9 @@ def _check_executions(analysis: Analysis) -> None:
 
 
 def _section(anchor: str, page: Page, numbers: Iterator[int]) -> Section:
-    grown = (tuple(zip(steps.numbers, steps.plots, strict=True)) for steps in page.steps)
+    stage_groups = (tuple(zip(steps.numbers, steps.plots, strict=True)) for steps in page.steps)
     figures = [Figure(next(numbers), plot) for plot in page.plots]
-    figures += [Figure(next(numbers), stages[-1][1], stages) for stages in grown if stages]
+    figures += [Figure(next(numbers), stages[-1][1], stages) for stages in stage_groups if stages]
     return Section(anchor, page.name, tuple(figures))
 
 
@@ -161,7 +161,7 @@ def _run_section(anchor: str, chosen: Chosen, run: RunFigures, numbers: Iterator
         name=name,
         entry=shorten(name, _LONGEST_ENTRY),
         why=chosen.why,
-        facts=tuple((name, _spoken(value)) for name, value in run.facts if name != "run"),
+        facts=tuple((name, _format_value(value)) for name, value in run.facts if name != "run"),
         figures=tuple(Figure(next(numbers), plot) for plot in run_plots(run)),
         executions=page_table(run.tasks, f"{anchor}-executions"),
         events=page_table(log, f"{anchor}-events"),
@@ -169,12 +169,12 @@ def _run_section(anchor: str, chosen: Chosen, run: RunFigures, numbers: Iterator
     )
 
 
-def _spoken(value: str | float) -> str:
+def _format_value(value: str | float) -> str:
     return number(value) if isinstance(value, float) else printable(str(value))
 
 
 def _summary(analysis: Analysis) -> str:
-    """Return what the report is about in a sentence."""
+    """Return a sentence that says what the report is about."""
     agents = sorted(analysis.intervals["agent"].unique().to_list())
     names = ", ".join(printable(agent) for agent in agents)
     days = _days(analysis.runs["start_ns"].drop_nulls().to_list())

@@ -1,4 +1,4 @@
-"""Which factors a report names: those surely above or below 1, relative to undisturbed work where that is known."""
+"""Select the factors that a report names: those surely above or below 1, relative to undisturbed work if known."""
 
 from __future__ import annotations
 
@@ -25,62 +25,68 @@ _STILL: Final = 5.0  # times as long
 
 
 def effects(synergies: pl.DataFrame, durations: pl.DataFrame, estimator: str) -> Iterable[Finding]:
-    """Say which tasks surely take longer or shorter beside others, which of it may be chance, and what cannot be told.
+    """Yield which tasks surely take longer or shorter beside others, what may be chance, and what is not known.
 
-    Factors are relative to undisturbed work where that is known. Those relative to a task's mean are named if they are
-    slow-downs: the mean contains all slow-downs, so that undisturbed work lies below it.
+    Factors are relative to undisturbed work where that is known. Factors relative to a task's mean are named only if
+    they are slow-downs: the mean contains all slow-downs, so undisturbed work lies below it.
 
     Args:
         synergies: a frame of schema `SYNERGIES`.
         durations: a frame of schema `DURATIONS`.
         estimator: where the factors come from.
     """
-    known, impossible = _known(synergies.filter(~_IMPOSSIBLE), durations), synergies.filter(_IMPOSSIBLE).height
-    slower = known.filter(pl.col("low") > 1).sort("remains", "low", *_KEY, descending=[True, True, *[False] * 4])
-    below = known.filter(pl.col("high") < 1)
+    factors, impossible = (
+        _known_factors(synergies.filter(~_IMPOSSIBLE), durations),
+        synergies.filter(_IMPOSSIBLE).height,
+    )
+    slower = factors.filter(pl.col("low") > 1).sort("remains", "low", *_KEY, descending=[True, True, *[False] * 4])
+    below = factors.filter(pl.col("high") < 1)
     faster = below.filter("free").sort("remains", "high", *_KEY, descending=[True, *[False] * 5])
     if slower.height:
         text = f"{counted(slower.height, 'slow-down')} whose 95 % interval lies above 1, clearest first:"
-        yield Finding(text, _sentences(slower, known.height))
+        yield Finding(text, _sentences(slower, factors.height))
     if faster.height:
         text = f"{counted(faster.height, 'speed-up')} whose 95 % interval lies below 1, clearest first:"
-        yield Finding(text, _sentences(faster, known.height))
+        yield Finding(text, _sentences(faster, factors.height))
     if slower.height + faster.height:
-        yield from _by_chance(known.height, pl.concat([slower, faster])["remains"])
+        yield from _by_chance(factors.height, pl.concat([slower, faster])["remains"])
     else:
-        yield _nothing_certain(synergies, known.height, below.height + impossible)
+        yield _nothing_certain(synergies, factors.height, below.height + impossible)
     yield from _below_the_mean(below.height - faster.height)
-    yield from _impossible(impossible)
+    yield from _impossible_factors(impossible)
     caution = ESTIMATORS[estimator].caution
-    if caution and known.height:
+    if caution and factors.height:
         yield Finding(caution, (), "doubt")
 
 
-def _known(synergies: pl.DataFrame, durations: pl.DataFrame) -> pl.DataFrame:
-    """Return the rows with an interval, what they are to be judged by, and how long their task took."""
+def _known_factors(synergies: pl.DataFrame, durations: pl.DataFrame) -> pl.DataFrame:
+    """Return the rows that have an interval, with the values that decide, and with how long their task took."""
     free = pl.col("synergy_free").is_not_null()
-    judged = {
+    sources = {
         "factor": ("synergy_free", "synergy"),
         "low": ("free_ci_low", "ci_low"),
         "high": ("free_ci_high", "ci_high"),
     }
-    known = (
+    factors = (
         synergies.with_columns(
             free.alias("free"),
-            *(pl.when(free).then(one).otherwise(other).alias(name) for name, (one, other) in judged.items()),
+            *(
+                pl.when(free).then(free_column).otherwise(column).alias(name)
+                for name, (free_column, column) in sources.items()
+            ),
         )
         .drop_nulls(("factor", "low", "high"))
         .join(durations.select("agent", "task", "mean_s", "min_s", "max_s"), on=["agent", "task"], how="left")
         .sort(_KEY)
     )
-    adjusted = holm([p_value(*row) for row in known.select("factor", "low", "high").iter_rows()])
-    return known.with_columns(pl.Series("remains", [value <= _MISSES for value in adjusted], pl.Boolean))
+    adjusted = holm([p_value(*row) for row in factors.select("factor", "low", "high").iter_rows()])
+    return factors.with_columns(pl.Series("remains", [value <= _MISSES for value in adjusted], pl.Boolean))
 
 
 def _sentences(rows: pl.DataFrame, comparisons: int) -> tuple[str, ...]:
-    shown = tuple(_sentence(row, comparisons) for row in rows.head(MOST_EFFECTS).iter_rows(named=True))
-    further = rows.height - len(shown)
-    return (*shown, f"{further:,} more in the table of synergies.") if further else shown
+    sentences = tuple(_sentence(row, comparisons) for row in rows.head(MOST_EFFECTS).iter_rows(named=True))
+    further = rows.height - len(sentences)
+    return (*sentences, f"{further:,} more in the table of synergies.") if further else sentences
 
 
 def _sentence(row: Mapping[str, Any], comparisons: int) -> str:
@@ -92,51 +98,52 @@ def _sentence(row: Mapping[str, Any], comparisons: int) -> str:
         "" if row["status"] == OK else _STATUS.get(row["status"], row["status"]),
         "" if row["remains"] else f"not after allowing for {counted(comparisons, 'comparison')}",
     )
-    one, other = task_name(row["agent"], row["task"]), task_name(row["other_agent"], row["other_task"])
-    beyond = _BEYOND + (", which nearly stood still" if row["factor"] >= _STILL else "") if _beyond(row) else ""
-    return f"{one} takes {factor} {times} while {other} runs ({', '.join(filter(None, notes))}){beyond}."
+    task, other_task = task_name(row["agent"], row["task"]), task_name(row["other_agent"], row["other_task"])
+    beyond = (
+        _BEYOND + (", which nearly stood still" if row["factor"] >= _STILL else "") if _is_beyond_longest(row) else ""
+    )
+    return f"{task} takes {factor} {times} while {other_task} runs ({', '.join(filter(None, notes))}){beyond}."
 
 
-def _beyond(row: Mapping[str, Any]) -> bool:
-    """Return whether no execution took as many times as long as the factor says."""
+def _is_beyond_longest(row: Mapping[str, Any]) -> bool:
+    """Return whether the factor is larger than any execution of the task reached."""
     least = row["min_s"] if row["free"] else row["mean_s"]
     return bool(least) and row["factor"] > row["max_s"] / least
 
 
 def _by_chance(comparisons: int, remains: pl.Series) -> Iterable[Finding]:
-    """Say how many effects remain if it is allowed for how many were looked for."""
+    """Yield how many effects remain after correcting for the number of comparisons."""
     if comparisons == 1:
         return
-    shown = f"{counted(len(remains), 'shows', 'show')} a slow-down or a speed-up"
-    left = counted(int(remains.sum()), "remains", "remain")
-    text = (
-        f"Of {comparisons:,} intervals of 95 %, {shown}; after allowing for {comparisons:,} comparisons (Holm), {left}."
-    )
+    effects_text = f"{counted(len(remains), 'shows', 'show')} a slow-down or a speed-up"
+    left_over = counted(int(remains.sum()), "remains", "remain")
+    correction = f"after allowing for {comparisons:,} comparisons (Holm)"
+    text = f"Of {comparisons:,} intervals of 95 %, {effects_text}; {correction}, {left_over}."
     yield Finding(text, (), "doubt")
 
 
-def _nothing_certain(synergies: pl.DataFrame, known: int, unsaid: int) -> Finding:
+def _nothing_certain(synergies: pl.DataFrame, n_known: int, n_unsaid: int) -> Finding:
     if synergies.is_empty():
         text = "No two agents have tasks to compare, so nothing is said of how they affect each other."
-    elif unsaid:  # though their intervals may exclude 1
+    elif n_unsaid:  # though their intervals may exclude 1
         text = "No slow-down and no speed-up is certain."
-    elif not known:
+    elif not n_known:
         text = "No factor has an interval, so no slow-down is certain."
     else:
-        of_all = f"all {known:,} intervals of 95 % include 1" if known > 1 else "the interval includes 1"
+        of_all = f"all {n_known:,} intervals of 95 % include 1" if n_known > 1 else "the interval includes 1"
         text = f"No slow-down and no speed-up is certain: {of_all}."
     return Finding(text, (), "doubt")
 
 
 def _below_the_mean(number: int) -> Iterable[Finding]:
     if number:
-        lie = counted(number, "factor relative to the mean lies", "factors relative to the mean lie")
-        why = "which undisturbed pairs do too when others slow the task down"
-        yield Finding(f"{lie} below 1, {why}; undisturbed work was not seen enough to tell.", (), "doubt")
+        subject = counted(number, "factor relative to the mean lies", "factors relative to the mean lie")
+        reason = "which undisturbed pairs do too when others slow the task down"
+        yield Finding(f"{subject} below 1, {reason}; undisturbed work was not seen enough to tell.", (), "doubt")
 
 
-def _impossible(number: int) -> Iterable[Finding]:
+def _impossible_factors(number: int) -> Iterable[Finding]:
     if number:
-        they = counted(number, "factor is", "factors are")
-        why = "the data do not support a factor there, so nothing is said of it"
-        yield Finding(f"{they} at or below 0, which no duration can be: {why}.", (), "doubt")
+        subject = counted(number, "factor is", "factors are")
+        reason = "the data do not support a factor there, so nothing is said of it"
+        yield Finding(f"{subject} at or below 0, which no duration can be: {reason}.", (), "doubt")

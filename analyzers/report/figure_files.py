@@ -18,17 +18,17 @@ _LONGEST_NAME: Final = 200  # bytes, of the 255 that file systems take
 
 
 def figure_names(plots: Iterable[Plot]) -> list[str]:
-    """Return a file name without ending per plot, made of its path; numbers tell apart what would be one file."""
-    taken: set[str] = set()
+    """Return a file name without ending per plot, made of its path. Numbers distinguish names that would be equal."""
+    used_names: set[str] = set()
     names = []
     for plot in plots:
         stem = "-".join(filter(None, (file_stem(part, _LONGEST_PART) for part in plot.path)))
         stem = file_stem(stem, _LONGEST_NAME) or "figure"
         name, number = stem, 1
-        while _folded(name) in taken:
+        while _fold_name(name) in used_names:
             number += 1
             name = f"{stem}-{number}"
-        taken.add(_folded(name))
+        used_names.add(_fold_name(name))
         names.append(name)
     return names
 
@@ -36,7 +36,7 @@ def figure_names(plots: Iterable[Plot]) -> list[str]:
 def save_figures(
     plots: list[Plot], folder: Path, ending: str, save: Callable[[Plot, Path], None], on_step: Callable[[], None]
 ) -> list[Path]:
-    """Write one file per plot into a folder, which is made where it is missing, and return them.
+    """Write one file per plot into a folder and return the paths. The folder is created if it is missing.
 
     Raises:
         OutputError: the folder cannot be written.
@@ -53,7 +53,7 @@ def save_figures(
 
 
 def report_plots(report: Report) -> list[Plot]:
-    """Return the plots of a report in its order, each with its number, those of runs with the run's name too."""
+    """Return the plots of a report in order, titled with their numbers. Plots of a run also carry the run's name."""
     of_all = [(figure, "") for section in report.sections for figure in section.figures]
     of_runs = [(figure, f"{run.entry}: ") for run in report.runs for figure in run.figures]
     return [
@@ -62,5 +62,5 @@ def report_plots(report: Report) -> list[Plot]:
     ]
 
 
-def _folded(name: str) -> str:
+def _fold_name(name: str) -> str:
     return unicodedata.normalize("NFD", unicodedata.normalize("NFD", name).casefold())

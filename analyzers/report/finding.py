@@ -10,7 +10,7 @@ from hrclog.analyzers.figures.text import printable
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A sentence, and details in sentences of their own; `doubt` limits what the others say, `lost` spoils it."""
+    """A sentence, and details as further sentences. `doubt` limits the other findings, `lost` reports lost data."""
 
     text: str
     details: tuple[str, ...] = ()
@@ -18,5 +18,5 @@ class Finding:
 
 
 def task_name(agent: str, task: str) -> str:
-    """Return how a task is spoken of."""
+    """Return the name of a task in sentences."""
     return f"{printable(agent)}: {printable(task)}"

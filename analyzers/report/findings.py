@@ -1,4 +1,4 @@
-"""What a report says first: what the runs tell for sure, how sure, and what they do not tell."""
+"""The findings at the start of a report: what the runs show, how certain that is, and what they do not show."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ MOST_FAILING: Final = 3
 
 
 def findings(analysis: Analysis) -> tuple[Finding, ...]:
-    """Return what stands out, each with its interval and its count, and then what is not known."""
+    """Return the findings, each with its interval and its count, then what is not known."""
     return (
-        *_lost(analysis),
+        *_lost_data(analysis),
         *_makespan(analysis.runs, analysis.events),
         *effects(analysis.synergies, analysis.durations, analysis.estimator),
         *_unknown_pairs(analysis.synergies),
@@ -35,27 +35,27 @@ def findings(analysis: Analysis) -> tuple[Finding, ...]:
     )
 
 
-def _lost(analysis: Analysis) -> Iterable[Finding]:
+def _lost_data(analysis: Analysis) -> Iterable[Finding]:
     errors = sum(diagnostic.severity == "error" for diagnostic in analysis.diagnostics)
     if errors:
         yield Finding(f"Data was lost or skipped ({counted(errors, 'error')}, see Diagnostics).", kind="lost")
 
 
 def _makespan(runs: pl.DataFrame, events: pl.DataFrame) -> Iterable[Finding]:
-    """Say how long runs took that ended well, by planner where several made the plans."""
+    """Yield how long the runs that ended well took, by planner if several planners made the plans."""
     timed = runs.filter(pl.col("makespan_s").is_not_null())
     complete = complete_runs(runs).join(plan_labels(events), on="run_id", how="left")
     seconds = complete["makespan_s"].to_list()
     partly = f" ({complete.height:,} of {runs.height:,} runs, those that ended well)"
-    some = partly if complete.height < runs.height else ""
+    which_runs = partly if complete.height < runs.height else ""
     if complete.filter(pl.col("planner") != "")["planner"].n_unique() > 1:
-        yield Finding(f"Makespan by planner, mean ± sample standard deviation{some}:", _by_planner(complete))
+        yield Finding(f"Makespan by planner, mean ± sample standard deviation{which_runs}:", _by_planner(complete))
     elif len(seconds) > 1:
         middle = f"mean {mean(seconds):.1f} s ± {stdev(seconds):.1f} s"
         spread = f"(sample standard deviation, n = {len(seconds):,}), from {min(seconds):.1f} to {max(seconds):.1f} s"
-        yield Finding(f"Makespan: {middle} {spread}{some}.")
+        yield Finding(f"Makespan: {middle} {spread}{which_runs}.")
     elif seconds:
-        yield Finding(f"Makespan: {seconds[0]:.1f} s (n = 1){some}.")
+        yield Finding(f"Makespan: {seconds[0]:.1f} s (n = 1){which_runs}.")
     elif timed.height:
         yield Finding(f"Makespan: {_none_of(runs.height)} ended well, so none is told.", kind="doubt")
 
@@ -72,12 +72,12 @@ def _by_planner(complete: pl.DataFrame) -> tuple[str, ...]:
         .agg(pl.len().alias("n"), pl.col("makespan_s").sort().mean().alias("mean"), pl.col("makespan_s").sort().std())
         .sort("n", "mean", "planner", descending=[True, False, False])
     )
-    said = [
+    sentences = [
         f"{printable(name) if name else NOT_SAID}: {middle:.1f} s{_plus_minus(spread)} (n = {n:,})."
         for name, n, middle, spread in groups.head(MOST_PLANNERS).sort("mean", "planner").iter_rows()
     ]
-    further = groups.height - len(said)
-    return (*said, f"{further:,} more in the figure of makespans.") if further else tuple(said)
+    further = groups.height - len(sentences)
+    return (*sentences, f"{further:,} more in the figure of makespans.") if further else tuple(sentences)
 
 
 def _plus_minus(spread: float | None) -> str:
@@ -98,11 +98,15 @@ def _failures(durations: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> Ite
     total = sum(int(durations[name].sum()) for name in ("count", *_ENDINGS))
     if not total:
         return
-    bad = [f"{int(durations[name].sum()):,} {what}" for name, what in _ENDINGS.items() if durations[name].sum()]
-    if not bad:
+    ending_texts = [
+        f"{int(durations[name].sum()):,} {what}" for name, what in _ENDINGS.items() if durations[name].sum()
+    ]
+    if not ending_texts:
         all_of = "The only execution of a main task" if total == 1 else f"All {total:,} executions of main tasks"
-        odd = any(diagnostic.code == "single_outcome" for diagnostic in diagnostics)
-        yield Finding(f"{all_of} succeeded{': failures may have been removed before we saw them' if odd else ''}.")
+        is_suspicious = any(diagnostic.code == "single_outcome" for diagnostic in diagnostics)
+        yield Finding(
+            f"{all_of} succeeded{': failures may have been removed before we saw them' if is_suspicious else ''}."
+        )
         return
     worst = durations.filter(pl.col("n_failed") > 0).sort("success_rate", "agent", "task", nulls_last=True)
     details = tuple(
@@ -116,7 +120,7 @@ def _failures(durations: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> Ite
         if further
         else ()
     )
-    text = f"Of {counted(total, 'execution')} of main tasks {', '.join(bad)}"
+    text = f"Of {counted(total, 'execution')} of main tasks {', '.join(ending_texts)}"
     yield Finding(f"{text}{'; success least often:' if details else '.'}", (*details, *more))
 
 

@@ -54,7 +54,7 @@ class Remark:
 
 
 def definitions(analysis: Analysis) -> tuple[tuple[str, str], ...]:
-    """Return (term, meaning) of what the report speaks of."""
+    """Return (term, meaning) of the terms that the report uses."""
     return (
         ("Synergy", _SYNERGY),
         ("Estimator", f"{analysis.estimator}: {ESTIMATORS[analysis.estimator].assumes}"),
@@ -70,8 +70,8 @@ def definitions(analysis: Analysis) -> tuple[tuple[str, str], ...]:
 def _intervals(draws: int) -> str:
     source = f"{counted(draws, 'draw')} of whole runs with repetition" if draws else "the estimator's own errors"
     chance = "Of intervals about no effect, one in twenty excludes 1 by chance."
-    meant = f"They are to hold the true factor 95 % of the time, and come from {source}."
-    return f"{meant} {chance} {_HOLM} Those of success rates are Wilson's."
+    meaning = f"They are to hold the true factor 95 % of the time, and come from {source}."
+    return f"{meaning} {chance} {_HOLM} Those of success rates are Wilson's."
 
 
 def _success(estimator: str) -> str:
@@ -84,23 +84,23 @@ def _success(estimator: str) -> str:
 
 
 def provenance(analysis: Analysis, command: str) -> tuple[tuple[str, str], ...]:
-    """Return (name, value) of what the report was made from and with."""
+    """Return (name, value) pairs: from which events and with which versions the report was made."""
     digest = events_digest(analysis.events)
     events = f"{counted(analysis.events.height, 'event')}, SHA-256 {digest}"
     packages = ", ".join([f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in _PACKAGES)])
-    made = (("Command", printable(command)),) if command else ()
-    return (*made, ("Events", events), ("hrclog", __version__), ("Made with", packages))
+    command_entry = (("Command", printable(command)),) if command else ()
+    return (*command_entry, ("Events", events), ("hrclog", __version__), ("Made with", packages))
 
 
 def events_digest(events: pl.DataFrame) -> str:
-    """Return the SHA-256 of the decoded events of all runs, the same in whatever files and order they are."""
+    """Return the SHA-256 of the decoded events of all runs. It depends neither on the files nor on their order."""
     sha = hashlib.sha256()
-    for run, known in sorted(versions(in_order(events)).items()):
-        sha.update(f"{run}\n{known.digest}\n".encode())
+    for run, run_version in sorted(versions(in_order(events)).items()):
+        sha.update(f"{run}\n{run_version.digest}\n".encode())
     return sha.hexdigest()
 
 
 def remarks(analysis: Analysis) -> tuple[Remark, ...]:
-    """Return what was remarkable about the logs, what lost data first."""
+    """Return the remarks on the logs; those about lost data come first."""
     counts = Counter(diagnostic.code for diagnostic in analysis.diagnostics)
     return tuple(Remark(severity, code, counts[code], text) for code, (severity, text) in CODES.items() if counts[code])

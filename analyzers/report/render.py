@@ -1,4 +1,4 @@
-"""A report as one HTML file that asks for nothing else."""
+"""A report as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PX_PER_PT: Final = 96 / 72
 
 @dataclass(frozen=True, slots=True)
 class _Picture:
-    """An <svg> element, its width in px, its title, after how many runs it was so, and what is not drawn."""
+    """An <svg> element, its width in px, its title, the number of runs it shows, and what is not drawn."""
 
     svg: Markup
     width: int
@@ -66,27 +66,27 @@ def _environment(draw: Callable[[Plot], str]) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["drawn"] = partial(_drawn, draw)
-    environment.filters["breakable"] = _breakable
+    environment.filters["drawn"] = partial(_draw_figure, draw)
+    environment.filters["breakable"] = _make_breakable
     return environment
 
 
-def _breakable(text: str) -> Markup:
-    """Return a text whose lines may break within a name of several words."""
+def _make_breakable(text: str) -> Markup:
+    """Return a text whose lines may break within a name, after an underscore."""
     return Markup("<wbr>").join(_BREAK.split(text))
 
 
-def _drawn(draw: Callable[[Plot], str], figure: Figure) -> tuple[_Picture, ...]:
-    """Return the pictures of a figure, one or its stages."""
+def _draw_figure(draw: Callable[[Plot], str], figure: Figure) -> tuple[_Picture, ...]:
+    """Return the pictures of a figure: its stages, or a single one."""
     stages = figure.stages or ((0, figure.plot),)
     return tuple(
-        _picture(_named_apart(draw(plot), f"f{figure.number}-{place}"), plot, number)
+        _picture(_prefix_part_names(draw(plot), f"f{figure.number}-{place}"), plot, number)
         for place, (number, plot) in enumerate(stages)
     )
 
 
-def _named_apart(svg: str, prefix: str) -> str:
-    """Return a picture whose parts have names of their own, though another picture on the page be the same."""
+def _prefix_part_names(svg: str, prefix: str) -> str:
+    """Return a picture whose part names are unique, even if the page has the same picture twice."""
     return _PART.sub(rf"\g<0>{prefix}-", svg)
 
 
@@ -96,10 +96,10 @@ def _picture(svg: str, plot: Plot, number: int) -> _Picture:
 
 
 def _width(svg: str) -> float:
-    if found := _WIDTH.match(svg):
-        return float(found[1]) * (_PX_PER_PT if found[2] == "pt" else 1)
-    found = _VIEW_BOX.match(svg)
-    return float(found[1]) if found else 0.0
+    if match := _WIDTH.match(svg):
+        return float(match[1]) * (_PX_PER_PT if match[2] == "pt" else 1)
+    match = _VIEW_BOX.match(svg)
+    return float(match[1]) if match else 0.0
 
 
 def _asset(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Which single runs a report shows: few, the same ones every time, and not only the typical ones."""
+"""Choose the single runs that a report shows: few, always the same ones, and not only typical ones."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Chosen:
 def choose_runs(runs: pl.DataFrame, count: int) -> tuple[Chosen, ...]:
     """Return the runs to show, shortest first.
 
-    They stand at evenly spaced quantiles of the makespan, so that the shortest and the longest are among them. If any
-    run has failures, the one with most of them is shown too, in the place of a quantile; of equal ones the shortest.
+    The runs stand at evenly spaced quantiles of the makespan, so the shortest and the longest are among them. If any
+    run has failures, the run with the most of them replaces a quantile; of equal ones, the shortest does.
 
     Args:
         runs: schema `RUNS`.
@@ -34,18 +34,22 @@ def choose_runs(runs: pl.DataFrame, count: int) -> tuple[Chosen, ...]:
     untimed = [place for place in range(len(rows)) if place not in set(timed)]
     worst = max(range(len(rows)), key=lambda place: (rows[place][3], -place), default=None)
     failed = [] if worst is None or not rows[worst][3] else [worst]
-    evenly = _evenly(timed, count)
-    # a quantile gives way to the run with most failures, unless that is one; untimed runs come where others are used up
-    wanted = evenly if set(failed) <= set(evenly) else [*failed, *_evenly(timed, count - 1), *evenly]
-    places = sorted(list(dict.fromkeys([*wanted, *untimed]))[: max(count, 0)])
-    whys = {place: _why(place, timed, [row[2] for row in rows]) for place in places}
+    quantiles = _spread_evenly(timed, count)
+    # the run with most failures replaces a quantile, unless it is one; untimed runs fill up the remaining places
+    candidates = (
+        quantiles if set(failed) <= set(quantiles) else [*failed, *_spread_evenly(timed, count - 1), *quantiles]
+    )
+    places = sorted(list(dict.fromkeys([*candidates, *untimed]))[: max(count, 0)])
+    reasons = {place: _reason(place, timed, [row[2] for row in rows]) for place in places}
     for place in failed:
-        whys[place] = ", ".join(part for part in (whys.get(place, ""), f"most failures ({rows[place][3]})") if part)
-    return tuple(Chosen(rows[place][0], rows[place][1] or rows[place][0], whys[place]) for place in places)
+        reasons[place] = ", ".join(
+            part for part in (reasons.get(place, ""), f"most failures ({rows[place][3]})") if part
+        )
+    return tuple(Chosen(rows[place][0], rows[place][1] or rows[place][0], reasons[place]) for place in places)
 
 
 def sample_sentence(chosen: tuple[Chosen, ...], total: int) -> str:
-    """Return how many runs of how many are shown, and which."""
+    """Return a sentence that says how many of the runs are shown, and which."""
     if not total:
         return "There are no runs to show."
     if total == 1:
@@ -63,8 +67,8 @@ def sample_sentence(chosen: tuple[Chosen, ...], total: int) -> str:
     )
 
 
-def _evenly(places: list[int], count: int) -> list[int]:
-    """Return `count` of the places, evenly spaced from the first to the last; one alone is the middle."""
+def _spread_evenly(places: list[int], count: int) -> list[int]:
+    """Return `count` of the places, evenly spaced from the first to the last. A single one is the middle."""
     if count <= 0 or not places:
         return []
     if count >= len(places):
@@ -75,16 +79,16 @@ def _evenly(places: list[int], count: int) -> list[int]:
     return [places[(2 * index * last + gaps) // (2 * gaps)] for index in range(count)]
 
 
-def _why(place: int, timed: list[int], makespans: list[float | None]) -> str:
+def _reason(place: int, timed: list[int], makespans: list[float | None]) -> str:
     if place not in timed:
         return "no executions"
     if len(timed) == 1:
         return "the only one with executions"
-    own, known = makespans[place], [makespans[one] for one in timed]
-    if known[0] == known[-1]:
+    makespan, timed_makespans = makespans[place], [makespans[other] for other in timed]
+    if timed_makespans[0] == timed_makespans[-1]:
         return "as long as all others"
-    if own == known[0]:
-        return "shortest" if known.count(own) == 1 else "among the shortest"
-    if own == known[-1]:
-        return "longest" if known.count(own) == 1 else "among the longest"
-    return f"longer than {100 * known.index(own) / (len(timed) - 1):.0f} % of the others"
+    if makespan == timed_makespans[0]:
+        return "shortest" if timed_makespans.count(makespan) == 1 else "among the shortest"
+    if makespan == timed_makespans[-1]:
+        return "longest" if timed_makespans.count(makespan) == 1 else "among the longest"
+    return f"longer than {100 * timed_makespans.index(makespan) / (len(timed) - 1):.0f} % of the others"

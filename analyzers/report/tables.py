@@ -1,4 +1,4 @@
-"""Tables as a page shows them: short texts to read, full values to sort by and to copy."""
+"""Tables of a page: short texts for reading, full values for sorting and copying."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LEAST, _MOST = 1e-3, 1e6  # sizes of numbers that three decimals tell
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What is read, and the value in full where it is another text; "" for no value."""
+    """The text that is shown, and the full value if it is a different text; "" for no value."""
 
     text: str
     value: str | None = None
@@ -71,10 +71,12 @@ def page_table(table: DataTable, anchor: str) -> PageTable:
         anchor: its id in the page, and the name of its download.
     """
     frame = table.frame.select(sorted(table.frame.columns, key=lambda name: name in _LAST))
-    known = _known(frame)
-    kept = frame.filter(known).vstack(frame.filter(~known)).head(_kept(frame.height, int(known.sum())))
+    has_factor = _has_factor(frame)
+    page_rows = (
+        frame.filter(has_factor).vstack(frame.filter(~has_factor)).head(_row_limit(frame.height, int(has_factor.sum())))
+    )
     columns = tuple(Column(name, dtype.is_numeric()) for name, dtype in frame.schema.items())
-    cells = list(zip(*(_cells(kept[column.name], is_number=column.numeric) for column in columns), strict=True))
+    cells = list(zip(*(_cells(page_rows[column.name], is_number=column.numeric) for column in columns), strict=True))
     return PageTable(
         anchor=anchor,
         title=table.title,
@@ -83,53 +85,53 @@ def page_table(table: DataTable, anchor: str) -> PageTable:
         columns=columns,
         rows=tuple(cells[:SHOWN]),
         more=tuple(cells[SHOWN:]),
-        notes=_notes(frame.height, int(known.sum())),
+        notes=_notes(frame.height, int(has_factor.sum())),
         filterable=frame.height > FILTER_FROM,
     )
 
 
-def _known(frame: pl.DataFrame) -> pl.Series:
-    """Return which rows have what the table is about: of factors those with a number, of others all."""
+def _has_factor(frame: pl.DataFrame) -> pl.Series:
+    """Return which rows have a factor. In a table without factors, all rows count."""
     factors = [name for name in _FACTORS if name in frame.columns]
     if not factors:
         return pl.repeat(value=True, n=frame.height, eager=True)
     return frame.select(pl.any_horizontal(pl.col(factors).is_not_null())).to_series()
 
 
-def _kept(height: int, known: int) -> int:
-    """Return how many rows a page holds: of too many none that tells nothing, but as many as are shown at once."""
-    return height if height <= KEPT else max(min(known, KEPT), SHOWN)
+def _row_limit(height: int, n_known: int) -> int:
+    """Return how many rows a page holds: of a long table those with a factor, and at least the rows shown at once."""
+    return height if height <= KEPT else max(min(n_known, KEPT), SHOWN)
 
 
-def _notes(height: int, known: int) -> tuple[str, ...]:
+def _notes(height: int, n_known: int) -> tuple[str, ...]:
     if height > KEPT:
-        numbered = f", {min(known, KEPT):,} of the {known:,} with a factor first" if known < height else ""
-        kept = _kept(height, known)
-        shown = f", and shows {SHOWN:,} of them at once" if kept > SHOWN else ""
-        held = f"This page holds the first {kept:,} of {height:,} rows{numbered}{shown}"
-        return (f"{held}; hrclog export writes all.",)
+        numbered = f", {min(n_known, KEPT):,} of the {n_known:,} with a factor first" if n_known < height else ""
+        limit = _row_limit(height, n_known)
+        shown = f", and shows {SHOWN:,} of them at once" if limit > SHOWN else ""
+        sentence = f"This page holds the first {limit:,} of {height:,} rows{numbered}{shown}"
+        return (f"{sentence}; hrclog export writes all.",)
     if height > SHOWN:
         return (f"{SHOWN:,} of {height:,} rows are shown at once; sorting, filtering, copying and the CSV take all.",)
     return ()
 
 
 def _cells(values: pl.Series, *, is_number: bool) -> list[Cell]:
-    spoken = _spoken(values) if values.dtype.is_float() else number
-    return [_cell(value, spoken, is_number=is_number) for value in values]
+    format_number = _number_format(values) if values.dtype.is_float() else number
+    return [_cell(value, format_number, is_number=is_number) for value in values]
 
 
-def _spoken(values: pl.Series) -> Callable[[float], str]:
-    """Return how to write the numbers of a column: with equally many decimals, unless they are too far apart."""
+def _number_format(values: pl.Series) -> Callable[[float], str]:
+    """Return how to write the numbers of a column: all with three decimals, unless their sizes differ too much."""
     sizes = [abs(value) for value in values if value and math.isfinite(value)]
-    alike = all(_LEAST <= size < _MOST for size in sizes)
-    return (lambda value: f"{value:,.3f}") if alike else number
+    is_plain = all(_LEAST <= size < _MOST for size in sizes)
+    return (lambda value: f"{value:,.3f}") if is_plain else number
 
 
-def _cell(value: object, spoken: Callable[[float], str], *, is_number: bool) -> Cell:
+def _cell(value: object, format_number: Callable[[float], str], *, is_number: bool) -> Cell:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return Cell(_NOTHING if is_number else "", "" if is_number else None)
     if isinstance(value, float):
-        text, full = spoken(value), repr(value)
+        text, full = format_number(value), repr(value)
         return Cell(text, None if text == full else full)
     if isinstance(value, Sequence | pl.Series) and not isinstance(value, str):
         value = ", ".join(str(item) for item in value)

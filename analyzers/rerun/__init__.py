@@ -1,1 +1,1 @@
-"""The Rerun back end: recordings that open laid out, and their viewer."""
+"""The Rerun back end: recordings that open with a layout, and their viewer."""

@@ -1,7 +1,7 @@
 """The cell of a run as Rerun entities under /cell, and the view on it.
 
-A body's links are frames of Rerun's transform graph, named after their agent, so that two bodies may have equal links;
-boxes and areas are plain entities. Positions hold until the next ones.
+A body's links are frames of Rerun's transform graph. Their names contain the agent, so that two bodies may have equal
+links. Boxes and areas are plain entities. Each position holds until the next one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SLOT_M: Final = 0.05
 
 
 def send_cell(rec: rr.RecordingStream, cell: CellFigure) -> list[str]:
-    """Send a cell, and return what Rerun could not draw of it."""
+    """Send a cell, and return captions of the parts that Rerun could not draw."""
     if cell.fixtures:
         rec.log(entity(ROOT, "fixtures"), _boxes(cell.fixtures), static=True, strict=True)
     if cell.slots:
@@ -99,7 +99,7 @@ def _slots(slots: Iterable[Slot]) -> rr.Boxes3D:
 def _send_area(rec: rr.RecordingStream, lit: LitArea, number: int) -> None:
     path, area = entity(ROOT, "areas", lit.area.name), lit.area
     (x0, y0), (x1, y1) = area.low, area.high
-    level = _AREA_M * (number + 1)  # the smaller lie on the larger
+    level = _AREA_M * (number + 1)  # smaller areas lie on larger ones
     shape = rr.Boxes3D(
         centers=[((x0 + x1) / 2, (y0 + y1) / 2, level)],
         half_sizes=[((x1 - x0) / 2, (y1 - y0) / 2, _AREA_M / 4)],
@@ -129,7 +129,7 @@ def _send_box(rec: rr.RecordingStream, moved: MovedBox) -> None:
 
 def _send_machine(rec: rr.RecordingStream, machine: Machine) -> list[str]:
     try:
-        tree = _loaded(machine)
+        tree = _load_tree(machine)
         rec.send_chunks(tree.stream(include_joint_transforms=False))
         moving = {track.name: track for track in machine.joints}
         for joint in tree.joints():
@@ -146,7 +146,7 @@ def _send_machine(rec: rr.RecordingStream, machine: Machine) -> list[str]:
     return []
 
 
-def _loaded(machine: Machine) -> UrdfTree:
+def _load_tree(machine: Machine) -> UrdfTree:
     with TemporaryDirectory(prefix="hrclog-") as folder:
         path = Path(folder) / "body.urdf"
         path.write_text(machine.urdf.text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""How recordings open: the views of a run and of a campaign, where they look and how large they are."""
+"""The layouts of recordings: the views of a run and of a campaign, what they show and how large they are."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def run_blueprint(figures: RunFigures) -> Layout:
         return _blueprint(rrb.Tabs(about), rrb.TimePanel(state="hidden"))
     groups = dict.fromkeys(series.group for series in figures.series)
     lines: list[rrb.View | rrb.Container] = [
-        _series_view(figures.gantt, name, [one for one in figures.series if one.group == name]) for name in groups
+        _series_view(figures.gantt, name, [series for series in figures.series if series.group == name])
+        for name in groups
     ]
     if len(lines) > _SERIES_ROWS:
         lines[_SERIES_ROWS - 1 :] = [rrb.Tabs(*lines[_SERIES_ROWS - 1 :])]
@@ -52,11 +53,11 @@ def _tabs(views: list[rrb.View]) -> rrb.View | rrb.Container:
 
 
 _SERIES_ROWS: Final = 3
-# shares of the width that the y axis of lines takes in a window of middling width: lanes leave it too, and line up
+# the share of the width that the y axis of lines takes in a window of medium width; lanes leave it free to align
 _GUTTER: Final = 0.011
 _NARROW_GUTTER: Final = 0.017
 _CELL_SHARES: Final = (2, 3)
-# shares of the window's height, thought of as px in a window of about 1000
+# shares of the window's height, as px in a window of about 1000 px
 _SERIES_HEIGHT: Final = 115
 _BELOW_HEIGHT: Final = 220
 
@@ -66,7 +67,7 @@ def _timeline_height(gantt: Gantt) -> int:
 
 
 def _series_view(gantt: Gantt, group: str, series: Sequence[Series]) -> rrb.View:
-    step = all(one.step for one in series)
+    step = all(line.step for line in series)
     low, high = limits(series)
     margin = 0.05 * (high - low)
     corner = rrb.Corner2D.RightBottom if step else rrb.Corner2D.LeftTop
@@ -97,7 +98,7 @@ def _task_views(table: DataTable) -> list[rrb.View]:
 
 
 def _time_axis(gantt: Gantt, gutter: float = 0.0) -> rrba.TimeAxis:
-    """Return the time that is in view; the lanes' view leaves a gutter where the lines' views have their y axis."""
+    """Return the time in view. The lanes' view leaves a gutter where the lines' views have their y axis."""
     length = gantt.end_ns - gantt.start_ns
     margin = max(length // 100, 1)
     bound = rr.TimeRangeBoundary.absolute
@@ -110,13 +111,13 @@ def _time_axis(gantt: Gantt, gutter: float = 0.0) -> rrba.TimeAxis:
 
 
 def campaign_blueprint(figures: CampaignFigures, pictures: Mapping[tuple[str, ...], Picture]) -> Layout:
-    """Return the layout of a campaign's recording; `pictures` are by the path of their plot."""
+    """Return the layout of a campaign's recording. The keys of `pictures` are the paths of the plots."""
     pages = [_page(page, pictures) for page in figures.pages]
     tables = rrb.Tabs(*[_table_view(table) for table in figures.tables], name="Tables")
     about = rrb.TextDocumentView(origin="/about", name="About")
     steps = any(page.steps for page in figures.pages)
-    shown = rrb.TimePanel(state="collapsed", timeline=RUNS, play_state="paused")
-    panel = shown if steps else rrb.TimePanel(state="hidden")
+    runs_panel = rrb.TimePanel(state="collapsed", timeline=RUNS, play_state="paused")
+    panel = runs_panel if steps else rrb.TimePanel(state="hidden")
     return _blueprint(rrb.Tabs(*pages, tables, about, active_tab=0), panel)
 
 
@@ -131,7 +132,7 @@ def _page(page: Page, pictures: Mapping[tuple[str, ...], Picture]) -> rrb.Contai
 
 
 _WIDE: Final = 1.6
-"""Width over height of pictures that lie better above each other than side by side."""
+"""Wider pictures (width over height) are placed above each other rather than side by side."""
 
 
 def _picture_view(path: tuple[str, ...], name: str, pictures: Mapping[tuple[str, ...], Picture]) -> rrb.View:

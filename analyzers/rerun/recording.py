@@ -1,4 +1,4 @@
-"""The file of a recording: opened, closed, and nothing of it left in memory."""
+"""Open and close the file of a recording, and free its memory."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ except ImportError:  # it is not public
 
 
 TIMELINE: Final = "run_time"
-"""Of a run: since its first event."""
+"""The timeline of a run: time since its first event."""
 RUNS: Final = "runs"
-"""Of a campaign: how many of its runs have been counted."""
+"""The timeline of a campaign: the number of runs counted so far."""
 
 
 class Layout(rrb.Blueprint):
@@ -46,9 +46,9 @@ class Layout(rrb.Blueprint):
 
 @contextmanager
 def freed_recordings() -> Iterator[None]:
-    """Give back the threads and the memory of recordings that nothing refers to any more.
+    """Free the threads and the memory of recordings that nothing refers to any more.
 
-    Use it as a decorator of the function that holds the recording: Rerun 0.41 frees none by itself.
+    Use it to decorate the function that holds the recording, because Rerun 0.41 does not free recordings itself.
     """
     try:
         yield
@@ -60,11 +60,11 @@ def freed_recordings() -> Iterator[None]:
 def recording(
     application: str, recording_id: str, name: str, path: Path | str, layout: Layout
 ) -> Iterator[rr.RecordingStream]:
-    """Give a stream, and write what it was given to a file.
+    """Yield a stream, and write its contents to a file at the end.
 
     Args:
         application: whose layout it has.
-        recording_id: tells recordings of an application apart.
+        recording_id: identifies the recording within its application.
         name: to show.
         path: of the file, which is replaced.
         layout: how the recording opens.
@@ -74,7 +74,7 @@ def recording(
     """
     # automatic properties hold the time of rendering: two renderings of one log would differ
     rec = rr.RecordingStream(application, recording_id=recording_id, send_properties=False)
-    # Rerun's own writer does not report a full disk, and now and then waits for it for ever
+    # Rerun's own writer does not report a full disk, and sometimes waits for it for ever
     memory = rec.memory_recording()
     try:
         # a default layout is not applied to what a web viewer is served
@@ -91,8 +91,8 @@ def recording(
 def entity(*parts: str) -> str:
     """Return the path of an entity, whose parts may hold any character."""
     # Rerun 0.41 reads an escaped backslash before the next "/" as an escaped slash, and would join two parts
-    whole = [part + "_" if part.endswith("\\") else part or UNNAMED for part in parts]
-    return rr.new_entity_path(whole)
+    safe_parts = [part + "_" if part.endswith("\\") else part or UNNAMED for part in parts]
+    return rr.new_entity_path(safe_parts)
 
 
 def times(ns: Iterable[int]) -> rr.TimeColumn:

@@ -1,8 +1,8 @@
-"""The Rerun back end: recordings that open laid out. With the other `rerun_*` modules all that knows Rerun.
+"""The Rerun back end: recordings that open with a layout.
 
 Entities of a run are under /timeline (a lane per agent), /signals, /events, /tasks, /cell and /about, on the timeline
-`run_time` (since the run's first event); those of a campaign under /synergy, /coefficients, /overlap, /durations,
-/tables and /about, mostly static. Everything that happens in time is sent as columns, never as one call per event.
+`run_time` (since the run's first event). Entities of a campaign are under /synergy, /coefficients, /overlap,
+/durations, /tables and /about, and mostly static. Everything over time is sent as columns, never as one call per event.
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def save_run(figures: RunFigures, path: Path | str) -> None:
 
 
 def run_application(figures: RunFigures) -> str:
-    """Return the application of a run's recording: a layout belongs to one, and runs differ in length and lanes.
+    """Return the application of a run's recording. Each has its own, because a layout belongs to an application.
 
-    Rerun 0.41 takes but some characters for one, and tells the user of others.
+    Rerun 0.41 accepts only some characters in the name of an application, and warns the user of others.
     """
     name = _UNFIT.sub("-", figures.name)[:_LONGEST_NAME]
     digest = hashlib.sha256(figures.name.encode("utf-8", "surrogatepass")).hexdigest()[:8]
@@ -94,7 +94,7 @@ def save_campaign(figures: CampaignFigures, path: Path | str) -> None:
 
 
 Pictures = Mapping[tuple[str, ...], Picture]
-"""Drawn plots by their path; of steps, the last."""
+"""Drawn plots by their path; of steps, only the last plot."""
 
 
 def campaign_pictures(figures: CampaignFigures) -> Pictures:
@@ -140,9 +140,9 @@ def _send_lane(rec: rr.RecordingStream, lane: Lane) -> None:
 def _send_series(rec: rr.RecordingStream, series: Series) -> None:
     path = entity("signals", series.group, series.name)
     mode = rr.components.InterpolationMode.StepAfter if series.step else rr.components.InterpolationMode.Linear
-    # what is held until the next sample must not be averaged with it: the mean would be held too
-    whole = rr.components.AggregationPolicy.Off if series.step else None
-    style = rr.SeriesLines(names=[shorten(series.name, 60)], interpolation_mode=mode, aggregation_policy=whole)
+    # a value held until the next sample must not be averaged with it, because the mean would be held too
+    aggregation = rr.components.AggregationPolicy.Off if series.step else None
+    style = rr.SeriesLines(names=[shorten(series.name, 60)], interpolation_mode=mode, aggregation_policy=aggregation)
     rec.log(path, style, static=True, strict=True)
     rec.send_columns(path, [times(series.times_ns)], rr.Scalars.columns(scalars=series.values), strict=True)
 
@@ -163,7 +163,7 @@ def send_rows(rec: rr.RecordingStream, path: str, index: rr.TimeColumn, frame: p
     """Send the rows of a frame, each at its place on a timeline."""
     if not frame.height:
         return
-    # arrow arrays pass by Rerun's process-wide table of types, in which equal column names of two tables would clash
+    # arrow arrays bypass Rerun's process-wide table of types, in which equal column names of two tables would clash
     columns = {name: _arrow(frame[name]) for name in frame.columns}
     rec.send_columns(path, [index], rr.AnyValues.columns(**columns), strict=True)
 
@@ -184,18 +184,18 @@ def _send_plot(rec: rr.RecordingStream, plot: Plot, picture: Picture) -> None:
         return np.array([picture.at(plot, point) for point in points])
 
     if rects := [rect for rect in plot.rects if rect.label]:
-        one, other = at(rect.low for rect in rects), at(rect.high for rect in rects)
-        lows, highs = np.minimum(one, other), np.maximum(one, other)
-        shapes = rr.Boxes2D(mins=lows, sizes=highs - lows, radii=0.5, **_looks(rects))
+        first_corners, second_corners = at(rect.low for rect in rects), at(rect.high for rect in rects)
+        lows, highs = np.minimum(first_corners, second_corners), np.maximum(first_corners, second_corners)
+        shapes = rr.Boxes2D(mins=lows, sizes=highs - lows, radii=0.5, **_shape_style(rects))
         rec.log(f"{path}/boxes", shapes, static=True, strict=True)
     if strokes := [stroke for stroke in plot.strokes if stroke.label and not stroke.step]:
         strips = [at(stroke.points) for stroke in strokes]
         radii = [stroke.width / 2 for stroke in strokes]
-        lines = rr.LineStrips2D(strips, radii=radii, **_looks(strokes))
+        lines = rr.LineStrips2D(strips, radii=radii, **_shape_style(strokes))
         rec.log(f"{path}/lines", lines, static=True, strict=True)
     if dots := [dot for dot in plot.dots if dot.label]:
         radii = [dot.radius for dot in dots]
-        points = rr.Points2D(at(dot.at for dot in dots), radii=radii, **_looks(dots))
+        points = rr.Points2D(at(dot.at for dot in dots), radii=radii, **_shape_style(dots))
         rec.log(f"{path}/points", points, static=True, strict=True)
 
 
@@ -205,12 +205,12 @@ def _send_steps(rec: rr.RecordingStream, steps: Steps, last: Picture) -> None:
     path = f"{entity(*steps.plots[-1].path)}/picture"
     for number, image in zip(steps.numbers, pictures, strict=True):
         rec.set_time(RUNS, sequence=number)
-        # Rerun takes encoded images over time for a video, whose size must not change
-        rec.log(path, _image(_padded(image, height, width)), strict=True)
+        # Rerun treats encoded images over time as a video, whose size must not change
+        rec.log(path, _image(_pad_image(image, height, width)), strict=True)
     rec.reset_time()
 
 
-def _padded(image: ByteArray, height: int, width: int) -> ByteArray:
+def _pad_image(image: ByteArray, height: int, width: int) -> ByteArray:
     card = np.full((height, width, 3), CARD, np.uint8)
     card[: image.shape[0], : image.shape[1]] = image
     return card
@@ -234,7 +234,7 @@ def _color(paint: Paint) -> Color:
     return DARK[paint] if isinstance(paint, str) else paint
 
 
-def _looks(shapes: Sequence[Rect] | Sequence[Stroke] | Sequence[Dot]) -> dict[str, Any]:
-    """Return colours and labels of shapes; the labels show when a shape is pointed at."""
+def _shape_style(shapes: Sequence[Rect] | Sequence[Stroke] | Sequence[Dot]) -> dict[str, Any]:
+    """Return the colours and labels of shapes. A label shows when the pointer is on its shape."""
     labels = [printable(shape.label) for shape in shapes]
     return {"colors": _rgba(shape.paint for shape in shapes), "labels": labels, "show_labels": False}

@@ -1,4 +1,4 @@
-"""Which recordings to open: those of an analysis, or of runs that were chosen by name."""
+"""Select the recordings to open: those of an analysis, or of runs chosen by name."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
 
 MOST_RUNS: Final = 20
-"""How many recordings of runs a folder opens, unless they are chosen."""
+"""The most recordings of runs that a folder opens, unless runs are chosen by name."""
 
 _NAMED: Final = 5
 _HOW: Final = "--run takes a part of a name or a glob"
@@ -26,21 +26,21 @@ _HOW: Final = "--run takes a part of a name or a glob"
 
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """Recordings to open, of which a viewer shows the last; `note` says what is left out, "" if nothing is."""
+    """Recordings to open; a viewer shows the last one. `note` says what is left out, "" if nothing is."""
 
     paths: tuple[Path, ...]
     note: str = ""
 
 
 def recordings_at(target: Path, patterns: Sequence[str] = ()) -> Chosen | None:
-    """Return the recordings that a target stands for, None where it is to be analysed first.
+    """Return the recordings of a target, None if it must be analysed first.
 
     Args:
         target: an .rrd, the folder of an analysis, a log or a folder of logs.
-        patterns: parts of names of runs, or globs; of a folder only runs that match one.
+        patterns: parts of names of runs, or globs. Of a folder, only runs that match one are opened.
 
     Raises:
-        LogReadError: there is nothing, or no run has such a name.
+        LogReadError: the target does not exist, or no run has such a name.
     """
     if not target.exists():
         raise LogReadError(target, "nothing", "a log, an .rrd or the folder of an analysis", "check the path")
@@ -52,15 +52,15 @@ def recordings_at(target: Path, patterns: Sequence[str] = ()) -> Chosen | None:
     if not (campaign or runs):
         return None
     if not patterns:
-        return Chosen((*runs[:MOST_RUNS], *campaign), _left_out(runs, MOST_RUNS, _run_names(target)))
-    found = [path for path in runs if matches(path.stem, patterns)]
-    if not found:
-        raise _not_there(target, runs, patterns)
-    return Chosen((*campaign, *reversed(found)))
+        return Chosen((*runs[:MOST_RUNS], *campaign), _left_out_note(runs, MOST_RUNS, _run_names(target)))
+    matching = [path for path in runs if matches(path.stem, patterns)]
+    if not matching:
+        raise _missing_run_error(target, runs, patterns)
+    return Chosen((*campaign, *reversed(matching)))
 
 
 def matching_runs(runs: pl.DataFrame, patterns: Sequence[str], target: Path) -> list[str]:
-    """Return the ids of the runs whose name, or the name of whose recording, matches.
+    """Return the ids of the runs whose name or recording's name matches.
 
     Args:
         runs: schema `RUNS`.
@@ -73,11 +73,13 @@ def matching_runs(runs: pl.DataFrame, patterns: Sequence[str], target: Path) -> 
     from hrclog.analyzers.output import recording_names
 
     files = recording_names(runs)
-    named = dict(runs.select("run_id", "name").iter_rows())
-    found = [run for run, name in named.items() if matches(name, patterns) or matches(_stem(files[run]), patterns)]
-    if not found:
-        raise LogReadError(target, _nothing(patterns), f"one of {_listed(list(named.values()))}", _HOW)
-    return found
+    names_by_id = dict(runs.select("run_id", "name").iter_rows())
+    matching = [
+        run for run, name in names_by_id.items() if matches(name, patterns) or matches(_stem(files[run]), patterns)
+    ]
+    if not matching:
+        raise LogReadError(target, _no_run_text(patterns), f"one of {_list_names(list(names_by_id.values()))}", _HOW)
+    return matching
 
 
 def draw(analysis: Analysis, run_ids: Iterable[str], folder: Path, on_run: Callable[[], None]) -> list[Path]:
@@ -101,7 +103,7 @@ def draw(analysis: Analysis, run_ids: Iterable[str], folder: Path, on_run: Calla
 
 
 def matches(name: str, patterns: Sequence[str]) -> bool:
-    """Return whether a name holds one of the texts, or is as one of the globs; capitals do not count."""
+    """Return whether a name contains one of the texts or matches one of the globs, whatever the case of letters."""
     folded = name.casefold()
     return any(
         fnmatch.fnmatchcase(folded, pattern) if any(char in pattern for char in "*?[") else pattern in folded
@@ -109,29 +111,29 @@ def matches(name: str, patterns: Sequence[str]) -> bool:
     )
 
 
-def _left_out(runs: Sequence[Path], most: int, names: Sequence[str]) -> str:
-    """Return what is not opened, or was never drawn."""
-    rest = runs[most:]
-    partly = len(names) > len(runs)
-    if not rest:
+def _left_out_note(runs: Sequence[Path], most: int, names: Sequence[str]) -> str:
+    """Return a note on the runs that are not opened or were never drawn."""
+    unopened = runs[most:]
+    is_partial = len(names) > len(runs)
+    if not unopened:
         have = agree(len(runs), "has a recording", "have recordings")
         more = "hrclog analyze --recordings all draws each"
-        return f"{len(runs):,} of {len(names):,} runs {have}; {more}" if partly else ""
-    drawn = f"{counted(len(runs), 'recording')} of the {len(names):,} runs" if partly else counted(len(runs), "run")
-    which = rest[0].stem if len(rest) == 1 else f"{rest[0].stem} .. {rest[-1].stem}"
-    return f"opening {most} of {drawn}; left out: {len(rest):,}, {which}; --run NAME chooses"
+        return f"{len(runs):,} of {len(names):,} runs {have}; {more}" if is_partial else ""
+    drawn = f"{counted(len(runs), 'recording')} of the {len(names):,} runs" if is_partial else counted(len(runs), "run")
+    which = unopened[0].stem if len(unopened) == 1 else f"{unopened[0].stem} .. {unopened[-1].stem}"
+    return f"opening {most} of {drawn}; left out: {len(unopened):,}, {which}; --run NAME chooses"
 
 
-def _not_there(folder: Path, runs: Sequence[Path], patterns: Sequence[str]) -> LogReadError:
+def _missing_run_error(folder: Path, runs: Sequence[Path], patterns: Sequence[str]) -> LogReadError:
     undrawn = [name for name in _run_names(folder) if matches(name, patterns)]
     if undrawn:
-        found = f"no recording of {_listed(undrawn)}, which was analysed but not drawn"
+        problem = f"no recording of {_list_names(undrawn)}, which was analysed but not drawn"
         remedy = "hrclog analyze --recordings all draws each run, hrclog view LOG a single one"
-        return LogReadError(folder, found, "one", remedy)
-    return LogReadError(folder, _nothing(patterns), f"one of {_listed([path.stem for path in runs])}", _HOW)
+        return LogReadError(folder, problem, "one", remedy)
+    return LogReadError(folder, _no_run_text(patterns), f"one of {_list_names([path.stem for path in runs])}", _HOW)
 
 
-def _nothing(patterns: Sequence[str]) -> str:
+def _no_run_text(patterns: Sequence[str]) -> str:
     return f"no run with {' or '.join(map(repr, patterns))} in its name"
 
 
@@ -139,13 +141,13 @@ def _stem(file: str) -> str:
     return file.removesuffix(".rrd")
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_names(names: Sequence[str]) -> str:
     more = f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else ""
     return ", ".join(names[:_NAMED]) + more
 
 
 def _run_names(folder: Path) -> list[str]:
-    """Return the names of the runs that were analysed, as far as the folder says."""
+    """Return the names of the analysed runs, [] if the folder does not say them."""
     try:
         rows = json.loads((folder / "analysis.json").read_text(encoding="utf-8"))["runs"]
         return [str(row["name"]) for row in rows]

@@ -47,7 +47,7 @@ class RunningViewer:
     process: subprocess.Popen[bytes]
 
     def is_open(self) -> bool:
-        """Return whether nobody has closed it."""
+        """Return whether the viewer is still open."""
         return self.process.poll() is None
 
 
@@ -61,7 +61,7 @@ def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
     command = [viewer_path(), *map(str, recordings), "--bind", HOST, "--port", str(free_port())]
     if web_port is not None:
         command += ["--serve-web", "--web-viewer-port", str(web_port)]
-    # in a group of its own, as the program `rerun` starts another one
+    # in its own process group, because the program `rerun` starts another one
     process = subprocess.Popen(command, start_new_session=True)  # noqa: S603 - our own interpreter and the user's paths
     try:
         return process.wait()
@@ -73,7 +73,7 @@ def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
 
 @contextmanager
 def running_viewer(web_port: int | None = None) -> Iterator[RunningViewer]:
-    """Give an empty viewer, in a window or served to browsers, and close it at the end.
+    """Yield an empty viewer, in a window or served to browsers, and close it at the end.
 
     Raises:
         HrclogError: there is no viewer, no display to open a window on, the port is taken, or it does not start.
@@ -87,25 +87,25 @@ def running_viewer(web_port: int | None = None) -> Iterator[RunningViewer]:
     else:
         command += ["--serve-web", "--web-viewer-port", str(web_port)]
         page = f"http://{HOST}:{web_port}?url={quote(f'rerun+http://{HOST}:{port}/proxy', safe='')}"
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(command, stdout=said, stderr=said, start_new_session=True)  # noqa: S603 - our own interpreter
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)  # noqa: S603 - our own interpreter
         try:
-            _wait_for([port] if web_port is None else [port, web_port], process, said)
+            _wait_for([port] if web_port is None else [port, web_port], process, output)
             yield RunningViewer(f"rerun+http://{HOST}:{port}/proxy", page, process)
         finally:
             _stop(process)
 
 
 def check_viewer(recordings: Sequence[Path] = (), web_port: int | None = None) -> None:
-    """Raise if nothing could be shown.
+    """Raise if recordings cannot be shown.
 
     Args:
-        recordings: what is to be opened, if it is there already.
+        recordings: what is to be opened, if it exists already.
         web_port: of the page for browsers, None for a window.
 
     Raises:
         HrclogError: there is no viewer, it is of another version, there is no display to open a window on, the port is
-            taken, or a recording is none.
+            taken, or a file is no recording.
     """
     for recording in recordings:
         check_recording(recording)
@@ -124,7 +124,7 @@ def check_recording(path: Path) -> None:
     """Raise if a file is no recording that can be opened.
 
     Raises:
-        LogReadError: says what it is instead.
+        LogReadError: the file is something else, which the error names.
     """
     try:
         with path.open("rb") as stream:
@@ -133,8 +133,8 @@ def check_recording(path: Path) -> None:
             stream.seek(max(size - _FOOTER_BYTES, 0))
             tail = stream.read()
     except OSError as error:
-        found = f"a file that cannot be opened ({error.strerror})"
-        raise LogReadError(path, found, "a Rerun recording", "check the path and its permissions") from error
+        problem = f"a file that cannot be opened ({error.strerror})"
+        raise LogReadError(path, problem, "a Rerun recording", "check the path and its permissions") from error
     remedy = "make it again with `hrclog analyze`"
     if not size:
         raise LogReadError(path, "an empty file", "a Rerun recording", remedy)
@@ -142,24 +142,24 @@ def check_recording(path: Path) -> None:
         raise LogReadError(path, f"a file that begins with {head!r}", "a Rerun recording", remedy)
     if _FOOTER not in tail:
         why = "cut off, still being written, or of an old version"
-        found = f"a recording of {counted(size, 'byte')} without its end: {why}"
-        raise LogReadError(path, found, "a whole one", f"{remedy}, or see what is there with `rerun {path}`")
+        problem = f"a recording of {counted(size, 'byte')} without its end: {why}"
+        raise LogReadError(path, problem, "a whole one", f"{remedy}, or see what is there with `rerun {path}`")
 
 
 def viewer_path() -> str:
     """Return the viewer's program: the one beside this Python, else the one on the PATH.
 
     Raises:
-        HrclogError: there is none, or it is of another version than the rerun-sdk package.
+        HrclogError: there is no viewer, or its version differs from that of the rerun-sdk package.
     """
     # `python -m rerun_cli` would hide the viewer's exit code
-    beside = shutil.which("rerun", path=str(Path(sys.executable).parent))
-    found = beside or shutil.which("rerun")
-    if found is None:
+    bundled = shutil.which("rerun", path=str(Path(sys.executable).parent))
+    program = bundled or shutil.which("rerun")
+    if program is None:
         raise HrclogError("found no Rerun viewer, expected the one of the rerun-sdk package; pip install rerun-sdk")
-    if beside is None:
-        _check_version(found)
-    return found
+    if bundled is None:
+        _check_version(program)
+    return program
 
 
 def has_display() -> bool:
@@ -170,7 +170,7 @@ def has_display() -> bool:
 
 
 def free_port() -> int:
-    """Return a port that nobody listens at now."""
+    """Return a port on which nothing listens now."""
     with socket.socket() as probe:
         probe.bind((HOST, 0))
         port: int = probe.getsockname()[1]
@@ -180,15 +180,15 @@ def free_port() -> int:
 def _check_version(program: str) -> None:
     expected = version("rerun-sdk")
     try:
-        done = subprocess.run([program, "--version"], capture_output=True, text=True, check=False, timeout=_START_S)  # noqa: S603 - found on the user's PATH
-        said = re.search(r"\d+\.\d+\.\d+", done.stdout)
+        result = subprocess.run([program, "--version"], capture_output=True, text=True, check=False, timeout=_START_S)  # noqa: S603 - found on the user's PATH
+        match = re.search(r"\d+\.\d+\.\d+", result.stdout)
     except (OSError, subprocess.SubprocessError):
-        said = None
-    found = said[0] if said else "of unknown version"
-    if found.split(".")[:2] != expected.split(".")[:2]:
+        match = None
+    actual = match[0] if match else "of unknown version"
+    if actual.split(".")[:2] != expected.split(".")[:2]:
         remedy = f"pip install rerun-sdk=={expected} where {program} comes from, or beside this Python"
         raise HrclogError(
-            f"found the Rerun viewer {found} at {program}, expected {expected} as the rerun-sdk here; {remedy}"
+            f"found the Rerun viewer {actual} at {program}, expected {expected} as the rerun-sdk here; {remedy}"
         )
 
 
@@ -203,21 +203,23 @@ def _is_free(port: int) -> bool:
     return True
 
 
-def _wait_for(ports: Sequence[int], process: subprocess.Popen[bytes], said: IO[bytes]) -> None:
+def _wait_for(ports: Sequence[int], process: subprocess.Popen[bytes], output: IO[bytes]) -> None:
     """Wait until a viewer listens.
 
     Raises:
-        HrclogError: it ends before, or takes too long.
+        HrclogError: the viewer ends before it listens, or takes too long.
     """
     until = time.monotonic() + _START_S
     for port in ports:
         while not _listens(port):
             if process.poll() is not None or time.monotonic() > until:
-                said.seek(0)
-                lines = [line for line in said.read().decode(errors="replace").splitlines() if line.strip()]
-                why = re.sub(r"\x1b\[\d*m", "", lines[-1])[-200:] if lines else "it said nothing"
-                what = f"ended with code {process.returncode}" if process.returncode is not None else "did not answer"
-                raise HrclogError(f"the Rerun viewer {what} while it started: {why}")
+                output.seek(0)
+                lines = [line for line in output.read().decode(errors="replace").splitlines() if line.strip()]
+                reason = re.sub(r"\x1b\[\d*m", "", lines[-1])[-200:] if lines else "it said nothing"
+                failure = (
+                    f"ended with code {process.returncode}" if process.returncode is not None else "did not answer"
+                )
+                raise HrclogError(f"the Rerun viewer {failure} while it started: {reason}")
             time.sleep(0.05)
 
 
@@ -230,7 +232,7 @@ def _listens(port: int) -> bool:
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    """End a viewer with all that it has started."""
+    """End a viewer and all processes that it has started."""
     for number in (signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM)):
         with contextlib.suppress(ProcessLookupError):
             if sys.platform == "win32":
