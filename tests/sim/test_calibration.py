@@ -32,12 +32,12 @@ def test_mean_durations_and_makespans_are_those_of_the_real_runs(
 ) -> None:
     pytest.importorskip("pybullet")
     script = loaded(ROOT / "benchmarks" / "calibration.py", monkeypatch)
-    halved, step = script.halved, many(2, fuzz=1)
+    halved, step = script.halved, many(3, fuzz=1)
     monkeypatch.setattr(script, "halved", lambda plans: tuple(half[::step] for half in halved(plans)))
     monkeypatch.setattr(sys, "argv", ["calibration.py", "--data", str(data_dir), "--repeats", "1", "--workers", "1"])
     script.main()
     rows = ROW.findall(capsys.readouterr().out)
     assert len(rows) == 2 * 9
     for agent, task, percent in rows:
-        # one run of every other plan leaves a standard error of up to 11 % of the robot's mean durations
+        # one run of every third plan leaves a standard error of up to 14 % of the robot's mean durations
         assert abs(float(percent)) < (6.0 if task == "makespan" else 25.0 if agent == "robot" else 12.0), (agent, task)

@@ -115,7 +115,7 @@ def test_folding_every_execution_gives_what_pairing_the_regular_ones_gives(rows:
     events = frame(rows)
     found, diagnostics = rebuild(events)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_regular", lambda frame: frame.select("run_id", "execution_id").clear())
+        patch.setattr(module, "_find_regular_keys", lambda frame: frame.select("run_id", "execution_id").clear())
         folded_frame, folded_diagnostics = rebuild(events)
     assert_frame_equal(found, folded_frame)
     assert diagnostics == folded_diagnostics

@@ -82,7 +82,7 @@ def test_a_break_that_would_pay_is_no_choice_that_a_plan_has() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=many(15, fuzz=40), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=many(8, fuzz=40), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(spaces(dues=False))
 def test_no_plan_beats_the_solver_s_bound_whatever_the_rules(problem: tuple[Space, Worlds]) -> None:
     _check(problem, cpsat(*problem, 2.0))

@@ -624,7 +624,7 @@ def test_many_runs_are_sound(paper: Scenario, policy: str) -> None:
     pytest.importorskip("pybullet")
     scenario = with_policy(paper, policy)
     failed: Mapping[int, str] = {}
-    for index in range(many(5, fuzz=50)):
+    for index in range(many(3, fuzz=50)):
         run = simulate_run(scenario, SEED, index, engine="bullet")
         try:
             everything_is_done(run)

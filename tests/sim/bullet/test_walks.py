@@ -21,7 +21,7 @@ def test_the_human_walks_beside_the_fixtures(name: str) -> None:
     pytest.importorskip("pybullet")
     scenario = load_scenario(name)
     cell = cell_of(scenario)
-    for index in range(many(3, fuzz=20)):
+    for index in range(many(2, fuzz=20)):
         run = simulate_run(scenario, 1, index, engine="bullet")
         feet = np.array(
             [
