@@ -79,8 +79,11 @@ class JsonRecord:
 
     def positive(self, name: str) -> float:
         """Return a finite number above 0."""
-        value = self.number(name)
-        return value if value > 0.0 else self._note_error(self.error(name, "a number above 0"), 1.0)
+
+        def is_valid(value: Any) -> bool:  # noqa: ANN401 - a JSON value
+            return _is_number(value) and value > 0.0
+
+        return float(self._value(name, None, is_valid, "a number above 0", 1.0))
 
     def integer(self, name: str, default: int | None = None, *, least: int = 0) -> int:
         """Return a whole number of at least `least`."""

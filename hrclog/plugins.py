@@ -160,9 +160,12 @@ def imported(kind: str, path: str) -> Any:  # noqa: ANN401 - whatever stands the
         PluginError: it cannot be imported.
     """
     module, _, name = path.partition(":")
+    if module.endswith(".py"):
+        module_name = module.removesuffix(".py").replace("/", ".")
+        raise PluginError(f"{kind} {path!r} names a file; expected a module, {module_name}:{name}")
     try:
         value: Any = importlib.import_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         reason = f"{type(error).__name__}: {error}"
         raise PluginError(
             f"{kind} {path!r} cannot be imported ({reason}); expected package.module:NAME, importable from here"

@@ -64,5 +64,7 @@ def write_table(exporter: Exporter, frame: pl.DataFrame, folder: Path, table: st
         raise
     except Exception as error:
         raised = f"exporter {exporter.name!r} raised {type(error).__name__}: {error}"
-        raise HrclogError(f"{path}: {raised}; look at it with --debug, or choose another --format") from error
+        raise HrclogError(
+            f"{path}: {raised}; `hrclog --debug export ...` shows where, or choose another --format"
+        ) from error
     return path, frame.height

@@ -99,7 +99,12 @@ class Estimator(ABC):
         Args:
             observations: what was learnt from.
             coefficients: at most one per pair of tasks; pairs without one are unobserved.
+
+        Raises:
+            EstimatorError: a coefficient is of a task that was not observed, or is no number.
         """
+        coefficients = list(coefficients)
+        _check_coefficients(self.name, coefficients, observations)
         table = synergy_table(observations.executions, observations.pairs, map(tuple, coefficients), self.name)
         return Fit(table, sampled_models(observations, table))
 
@@ -119,11 +124,22 @@ def estimate(estimator: Estimator, observations: Observations, outliers: Outlier
         fit = estimator.fit(observations, outliers)
     except HrclogError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         complaint = f"it raised {type(error).__name__}: {error}"
-        raise EstimatorError(estimator.name, complaint, "a fit; look at it with --debug, or choose another") from error
+        remedy = "a fit; `hrclog --debug` before the command shows where, or choose another"
+        raise EstimatorError(estimator.name, complaint, remedy) from error
     _check_fit(estimator.name, fit)
     return fit
+
+
+def _check_coefficients(name: str, coefficients: Iterable[Coefficient], observations: Observations) -> None:
+    tasks = set(observations.executions.select("agent", "task").rows())
+    for coefficient in coefficients:
+        for agent, task in (coefficient[:2], coefficient[2:4]):
+            if (agent, task) not in tasks:
+                raise EstimatorError(name, f"a coefficient of task {task!r} by {agent!r}", "tasks that were observed")
+        if not isinstance(coefficient.synergy, int | float):
+            raise EstimatorError(name, f"a synergy of {coefficient.synergy!r}", "a number, NaN where it cannot tell")
 
 
 def _check_fit(name: str, fit: object) -> None:

@@ -19,6 +19,7 @@ from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from hrclog.analyzers.learning.ingest import Ingested
+    from hrclog.diagnostic import Diagnostic
     from hrclog.knowledge.base import KnowledgeBase
 
 
@@ -91,6 +92,7 @@ def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: s
     with _open_kb(where, create=bool(logs)) as kb:
         ingested = _ingest(kb, logs) if logs else Ingested()
         changed = update_statistics(kb, estimator, outliers)
+        doubts = _doubts(kb)
         statistics_text = "statistics updated" if changed else "statistics are up to date"
         sentence = f"{_ingested_text(ingested)}; {statistics_text}" if logs else statistics_text
         _print_result(
@@ -98,7 +100,7 @@ def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: s
             sentence,
             as_json=as_json,
         )
-    return tell(ingested.diagnostics)
+    return tell([*ingested.diagnostics, *doubts])
 
 
 @command.command(name="show")
@@ -202,13 +204,14 @@ def import_(source: Path, where: str, as_json: bool) -> int:
     with _open_kb(where, create=True) as kb:
         ingested, method = import_folder(kb, source)
         changed = update_statistics(kb, *method)
+        doubts = _doubts(kb)
         sentence = f"{_ingested_text(ingested)}; " + ("statistics updated" if changed else "statistics are up to date")
         _print_result(
             _ingested_json(ingested) | {"updated": changed, "statistics": _statistics_json(kb)},
             sentence,
             as_json=as_json,
         )
-    return tell(ingested.diagnostics)
+    return tell([*ingested.diagnostics, *doubts])
 
 
 @command.command(name="rebuild")
@@ -232,9 +235,10 @@ def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: 
             ingested = rebuild_from(kb, logs, estimator, outliers, reading)
         finally:
             reading.done()
+        doubts = _doubts(kb)
         sentence = f"made anew from {counted(len(ingested.added), 'run')}"
         _print_result({"runs": ingested.added, "statistics": _statistics_json(kb)}, sentence, as_json=as_json)
-    return tell(ingested.diagnostics)
+    return tell([*ingested.diagnostics, *doubts])
 
 
 @contextmanager
@@ -267,6 +271,14 @@ def _ingested_json(ingested: Ingested) -> dict[str, Any]:
 def _ingested_text(ingested: Ingested) -> str:
     replaced = f", {len(ingested.replaced)} replaced by a later version" if ingested.replaced else ""
     return f"{counted(len(ingested.added), 'run')} added{replaced}, {len(ingested.unchanged)} there already"
+
+
+def _doubts(kb: KnowledgeBase) -> list[Diagnostic]:
+    """Return what is doubtful about the statistics that plans will be judged by."""
+    from hrclog.analyzers.projections.diagnostics import impossible_factors
+
+    with kb.view() as view:
+        return impossible_factors(view.synergies())
 
 
 def _statistics_json(kb: KnowledgeBase) -> dict[str, Any] | None:

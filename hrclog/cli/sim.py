@@ -106,7 +106,8 @@ def command(
 def _lines(result: dict[str, Any], out_dir: Path) -> Iterator[str]:
     logs = result["logs"]
     runs = counted(len(logs), "run")
-    yield f"{runs} of {result['scenario']}: {logs[0]} .. {Path(logs[-1]).name}, truth in {result['truth']}"
+    names = logs[0] if len(logs) == 1 else f"{logs[0]} .. {Path(logs[-1]).name}"
+    yield f"{runs} of {result['scenario']}: {names}, truth in {result['truth']}"
     if result["failed_runs"]:
         yield f"runs in which something did not succeed: {result['failed_runs']} of {len(logs)}"
     if result["contacts"] is not None:

@@ -20,6 +20,7 @@ from hrclog.recorders.importers.importer import Foreign, Imported, Importer
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted
 
+_DEBUG: Final = "`hrclog --debug import ...` shows where"
 _LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a suffix while it is written
 
 
@@ -49,13 +50,14 @@ def import_files(
     paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
     existing_paths = {path for path in paths.values() if path.exists()}
     for run, path in paths.items():
+        events = _run_events(importer, foreign, run, sources)
         if path in existing_paths:
-            _check_unchanged(path, foreign.events(run))
+            _check_unchanged(path, events)
     _make_folder(folder)
     written: list[Path] = []
     for run, path in paths.items():
         if path not in existing_paths:
-            write_log(path, foreign.events(run))
+            write_log(path, _run_events(importer, foreign, run, sources))
             written.append(path)
         on_run(path)
     unchanged = [path for path in paths.values() if path in existing_paths]
@@ -81,13 +83,29 @@ def _read_sources(importer: Importer, sources: Sequence[Path], options: dict[str
         foreign: object = importer.read(sources, **options)
     except HrclogError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         problem = f"importer {importer.name!r} raised {type(error).__name__}: {error}"
-        raise ImportDataError(sources[0], problem, "runs", "look at it with --debug") from error
+        raise ImportDataError(sources[0], problem, "runs", _DEBUG) from error
     if not isinstance(foreign, Foreign):
         problem = f"importer {importer.name!r} returned {type(foreign).__name__}"
         raise ImportDataError(sources[0], problem, "a Foreign")
     return foreign
+
+
+def _run_events(importer: Importer, foreign: Foreign, run: str, sources: Sequence[Path]) -> Sequence[Event]:
+    """Return the events of a run, checked: a user's importer may return anything."""
+    who = f"importer {importer.name!r}, events of run {run!r}"
+    try:
+        events = list(foreign.events(run))
+    except HrclogError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ImportDataError(sources[0], f"{who}: {type(error).__name__}: {error}", "events", _DEBUG) from error
+    strange = next((type(event).__name__ for event in events if not isinstance(event, Event)), None)
+    if strange or not events:
+        returned = f"{who}: {f'an entry of type {strange}' if strange else 'none'}"
+        raise ImportDataError(sources[0], returned, "events of hrclog.events, run_started first")
+    return events
 
 
 def _check_unchanged(path: Path, events: Sequence[Event]) -> None:

@@ -6,7 +6,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,13 +15,14 @@ import extensions
 import pytest
 
 import hrclog
-from hrclog import plugins
+from hrclog import Foreign, Importer, plugins
 from hrclog.analyzers.exporters.exporters import EXPORTERS
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
-from hrclog.errors import HrclogError, KnowledgeError
+from hrclog.errors import HrclogError, ImportDataError, KnowledgeError
 from hrclog.log.reader import read_logs
 from hrclog.plugins import PluginError, Registry
 from hrclog.recorders.importers.importers import IMPORTERS
+from hrclog.recorders.importers.writing import import_files
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -186,6 +187,10 @@ def test_an_exporter_of_a_user_writes_tables(run: Run, tmp_path: Path) -> None:
         ("extensions:OtherTable", "its table has .* expected the columns of schema SYNERGIES"),
         ("extensions:TakenName", "the name 'aft' is taken by hrclog.analyzers.synergy.aft:Aft"),
         ("extensions:Markdown", "found Markdown, expected hrclog.analyzers.synergy.estimator.Estimator"),
+        ("extensions:Stranger", "a coefficient of task 'cook' by 'bob', expected tasks that were observed"),
+        ("extensions:Wordy", "a synergy of '2.0', expected a number"),
+        ("extensions:Quits", "it raised SystemExit"),
+        ("extensions.py:Quits", "names a file; expected a module, extensions:Quits"),
         ("extensions:Missing", "extensions has no 'Missing'"),
         ("no_such_module:X", "cannot be imported .*No module named 'no_such_module'"),
         ("median", "estimator is 'median', expected one of aft, bayes, ols, paper"),
@@ -249,3 +254,33 @@ def test_a_class_in_the_working_folder_is_found_by_the_installed_command(tmp_pat
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert read_logs(tmp_path / "diaries").events.height == 4
+
+
+def test_a_knowledge_base_warns_of_factors_that_no_duration_can_have(run: Run, tmp_path: Path) -> None:
+    updated = run("kb", "update", CAMPAIGN, "--kb", tmp_path / "kb.sqlite", "--estimator", "extensions:Negative")
+    assert updated.code == 0
+    assert "negative gives a factor of -3.00" in updated.err
+
+
+@pytest.mark.parametrize(
+    ("events", "message"),
+    [
+        (lambda _: [], "events of run 'monday': none, expected events"),
+        (lambda _: ["x"], "events of run 'monday': an entry of type str"),
+        (lambda _: None, "events of run 'monday': TypeError"),
+        (lambda _: 1 / 0, "events of run 'monday': ZeroDivisionError"),
+    ],
+)
+def test_events_that_an_importer_cannot_mean_are_one_clear_error(
+    events: Callable[[str], Any], message: str, tmp_path: Path
+) -> None:
+    class Odd(Importer):
+        name = "odd"
+        summary = "Import nothing."
+
+        def read(self, _sources: Sequence[Path], **_: object) -> Foreign:
+            return Foreign(["monday"], events, 1)
+
+    with pytest.raises(ImportDataError, match=message):
+        import_files(Odd(), [tmp_path / "a.csv"], tmp_path / "logs")
+    assert not (tmp_path / "logs").exists()

@@ -127,3 +127,45 @@ class Markdown(Exporter):
         """Write the rows between bars."""
         lines = [frame.columns, ["---"] * frame.width, *(map(str, row) for row in frame.iter_rows())]
         path.write_text("\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n", encoding="utf-8")
+
+
+class Stranger(Estimator):
+    """Knows a coefficient of somebody whom nobody observed."""
+
+    name = "stranger"
+
+    def fit(self, observations: Observations, outliers: str = "none") -> Fit:  # noqa: ARG002 - an estimator's signature
+        """Return it."""
+        return self.result(observations, [Coefficient("bob", "cook", "robot", "pick_blue_box", 2.0)])
+
+
+class Wordy(Stranger):
+    """Gives a text for a number."""
+
+    name = "wordy"
+
+    def fit(self, observations: Observations, outliers: str = "none") -> Fit:  # noqa: ARG002 - an estimator's signature
+        """Return it."""
+        pair = observations.pairs.select("agent", "task", "other_agent", "other_task").row(0)
+        return self.result(observations, [Coefficient(*pair, "2.0")])  # type: ignore[arg-type] - the mistake that is tested
+
+
+class Quits(Stranger):
+    """Ends the program."""
+
+    name = "quits"
+
+    def fit(self, observations: Observations, outliers: str = "none") -> Fit:  # noqa: ARG002 - an estimator's signature
+        """Quit."""
+        raise SystemExit(0)
+
+
+class Negative(Stranger):
+    """Gives a factor that no duration can have."""
+
+    name = "negative"
+
+    def fit(self, observations: Observations, outliers: str = "none") -> Fit:  # noqa: ARG002 - an estimator's signature
+        """Return it."""
+        pair = observations.pairs.select("agent", "task", "other_agent", "other_task").row(0)
+        return self.result(observations, [Coefficient(*pair, -3.0)])

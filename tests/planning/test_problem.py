@@ -187,7 +187,7 @@ def test_a_task_has_one_follower_only() -> None:
         ),
         (
             {"tasks": [{"name": "pick", "agents": ["human"], "expected_s": {"human": -1}}]},
-            r"tasks\[0\]: expected_s: human: found '-1', expected a number from 0",
+            r"tasks\[0\]: expected_s: human: found '-1', expected a number above 0",
         ),
         (
             {"tasks": [{"name": "pick", "agents": ["human"], "resources": "jig"}]},

@@ -74,7 +74,7 @@ FIELDS = {
     "problem.tasks.1.release_s": ("soon", "problem: tasks[1]: release_s: found 'soon', expected a number from 0"),
     "work.0.sigma": (9, "work[0]: sigma: found '9', expected a number from 0 to 5"),
     "work.1.median_s": (..., "work[1]: 'median_s' is missing; add it"),
-    "synergies.0.synergy": (-1, "synergies[0]: synergy: found '-1', expected a number from 0"),
+    "synergies.0.synergy": (-1, "synergies[0]: synergy: found '-1', expected a number above 0"),
     "gaps.0.median_s": (0, "gaps[0]: median_s: found '0', expected a number above 0"),
     "failures.max_attempts": (1.5, "failures: max_attempts: found '1.5', expected a whole number of at least 1"),
     "cell.robot.speed": (9, "cell: robot: speed: found '9', expected a share"),
