@@ -109,14 +109,14 @@ SYNERGIES: Final = pl.Schema(
         "free_std_err": pl.Float64,
         "free_ci_low": pl.Float64,  # 95 %
         "free_ci_high": pl.Float64,
-        "n": pl.Int64,  # pairs of successful executions that overlap
-        "overlap_s": pl.Float64,
-        "status": pl.String,  # ok | sparse (n < 5) | weakly_identified | unobserved
+        "n": pl.Int64,  # pairs of executions that overlap and were used; if no_success, that were seen
+        "overlap_s": pl.Float64,  # of those pairs
+        "status": pl.String,  # ok | sparse (< 5 successes) | weakly_identified | no_success | unobserved
         "estimator": pl.String,
     }
 )
-"""One row per ordered pair of tasks of different agents. Unobserved ones have no numbers, weakly identified ones only
-those that the data hold; a regression with no more rows than coefficients has neither errors nor intervals."""
+"""One row per ordered pair of tasks of different agents. Those that never overlapped (unobserved), and those that
+did without a success of the task (no_success), have no numbers, weakly identified ones only those that the data hold; a regression with no more rows than coefficients has neither errors nor intervals."""
 
 RUNS: Final = pl.Schema(
     {

@@ -98,9 +98,15 @@ class Estimator(ABC):
 
         Args:
             observations: what was learnt from.
-            coefficients: at most one per pair of tasks; pairs without one are unobserved.
+            coefficients: at most one per pair of tasks; pairs without one have no factor.
         """
-        table = synergy_table(observations.executions, observations.pairs, map(tuple, coefficients), self.name)
+        table = synergy_table(
+            observations.executions,
+            observations.meetings,
+            map(tuple, coefficients),
+            self.name,
+            cut_short=self.counts_cut_short,
+        )
         return Fit(table, sampled_models(observations, table))
 
 
