@@ -116,7 +116,8 @@ SYNERGIES: Final = pl.Schema(
     }
 )
 """One row per ordered pair of tasks of different agents. Those that never overlapped (unobserved), and those that
-did without a success of the task (no_success), have no numbers, weakly identified ones only those that the data hold; a regression with no more rows than coefficients has neither errors nor intervals."""
+did without a success of the task (no_success), have no numbers, weakly identified ones only those that the data hold;
+a regression with no more rows than coefficients has neither errors nor intervals."""
 
 RUNS: Final = pl.Schema(
     {

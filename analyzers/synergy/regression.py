@@ -27,7 +27,6 @@ from hrclog.analyzers.synergy.outlier_methods import Outliers, inliers
 from hrclog.analyzers.synergy.pairs import in_seconds
 from hrclog.arrays import FloatArray
 
-
 _MET: Final = ("run_id", "execution_id", "other_agent")
 
 

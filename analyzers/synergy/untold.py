@@ -10,7 +10,7 @@ from hrclog.analyzers.synergy.pairs import NO_SUCCESS, UNOBSERVED, WEAKLY_IDENTI
 
 REASONS: Final = {
     UNOBSERVED: "never overlapped",
-    NO_SUCCESS: "overlapped, but the task never succeeded then",
+    NO_SUCCESS: "overlapped without a success of the task",
     WEAKLY_IDENTIFIED: "not told by the data",
 }
 """By status; of a table that holds some runs only, never means in those."""

@@ -287,7 +287,7 @@ def test_a_pair_that_overlapped_without_a_success_says_so_in_cell_hover_and_note
         "t1, t1: n/a, not told, n = 24",
     ]
     assert [text.text for text in plot.texts][:3] == ["n/a", "no success", "n = 24"]
-    why = "overlapped, but the task never succeeded then (1), not told by the data (1)"
+    why = "overlapped without a success of the task (1), not told by the data (1)"
     assert f"Grey, n/a: {why}." in plot.notes
     assert f"Pairs without a coefficient: {why}." in synergy_coefficients(table)[0].captions
 
