@@ -74,7 +74,7 @@ DURATIONS: Final = pl.Schema(
         "count": pl.Int64,  # executions that succeeded
         "n_failed": pl.Int64,  # failed or timed out
         "n_canceled": pl.Int64,  # canceled or skipped after their start
-        "n_censored": pl.Int64,  # still open when the log ended
+        "n_censored": pl.Int64,  # still open when the log ended, or ended without an outcome
         "success_rate": pl.Float64,  # count / (count + n_failed)
         "success_low": pl.Float64,  # Wilson 95 %
         "success_high": pl.Float64,

@@ -142,7 +142,7 @@ def _failures(durations: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> Ite
 _ENDINGS: Final = {
     "n_failed": "failed or timed out",
     "n_canceled": "were canceled or skipped",
-    "n_censored": "were open when the log ended",
+    "n_censored": "were open when the log ended, or ended without an outcome",
 }
 
 
