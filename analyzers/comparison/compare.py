@@ -126,7 +126,7 @@ def compare(
     def means(totals: Callable[[pl.DataFrame], pl.DataFrame], schema: pl.Schema) -> pl.DataFrame:
         return compare_means(totals(a.intervals), totals(b.intervals), draws_a, draws_b, schema)
 
-    pairs_a, pairs_b = (side_synergies(side.synergies, side.observations) for side in (a, b))
+    pairs_a, pairs_b = (side_synergies(side.synergies, side.observations, a.estimator) for side in (a, b))
     drawn: list[pl.DataFrame | None] = [None, None]
     if bootstrap and all(len(side.observations.runs) > 1 for side in (a, b)) and _have_common_pair(pairs_a, pairs_b):
         drawn = [

@@ -15,7 +15,7 @@ from hrclog.analyzers.synergy.bootstrap import bootstrap
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outlier_methods import Outliers
-from hrclog.analyzers.synergy.pairs import UNOBSERVED
+from hrclog.analyzers.synergy.pairs import UNOBSERVED, counted_pairs
 from hrclog.arrays import FloatArray
 
 _ROUNDING: Final = 1e-9  # of a log ratio; less is no difference
@@ -38,9 +38,10 @@ def draw_synergies(
     return bootstrap(observations, ESTIMATORS[estimator], outliers, replicates, seed, workers, on_draws)
 
 
-def side_synergies(synergies: pl.DataFrame, observations: Observations) -> pl.DataFrame:
-    """Return the synergies of a side, with the number of runs in which each pair of tasks overlapped."""
-    runs = observations.pairs.group_by(PAIR).agg(pl.col("run_id").n_unique().cast(pl.Int64).alias("runs"))
+def side_synergies(synergies: pl.DataFrame, observations: Observations, estimator: str) -> pl.DataFrame:
+    """Return the synergies of a side, with the number of runs in which the n pairs of executions overlapped."""
+    pairs = counted_pairs(observations.meetings, cut_short=ESTIMATORS[estimator].counts_cut_short)
+    runs = pairs.group_by(PAIR).agg(pl.col("run_id").n_unique().cast(pl.Int64).alias("runs"))
     return synergies.select(*PAIR, *_VALUES, "n", "status").join(runs, on=PAIR, how="left")
 
 

@@ -174,7 +174,9 @@ def _tables(
         DataTable(
             "fits", "Fitted distributions", durations.select(_FITS), "By maximum likelihood; AIC: less is better."
         ),
-        DataTable("synergies", "Synergies", synergies, "Unobserved pairs have no numbers."),
+        DataTable(
+            "synergies", "Synergies", synergies, "Pairs that are unobserved (no overlap) or no_success have no numbers."
+        ),
         DataTable("runs", "Runs", run_rows),
         DataTable("diagnostics", "Diagnostics", diagnostic_rows, "What was remarkable about the logs."),
     )

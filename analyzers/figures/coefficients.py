@@ -11,15 +11,16 @@ import polars as pl
 from hrclog.analyzers.figures.heatmap import agent_pairs
 from hrclog.analyzers.figures.synergy_heatmap import agent_names, with_estimator
 from hrclog.analyzers.figures.text import printable, shorten_apart
+from hrclog.analyzers.synergy.untold import untold_text
 
 MAX_ROWS: Final = 40
 
 _PAIR: Final = 30  # characters of both names of a row
 
 HOW_TO_READ: Final = (
-    "A task and what the other does meanwhile (n: pairs of successful executions that overlapped). Dot: the factor on "
-    "the task's duration; thick: plus and minus its standard error; thin: its 95 % interval. Where that crosses 1, "
-    "there may be no effect at all; hollow dots are sparse (n < 5) or weakly identified."
+    "A task and what the other does meanwhile (n: pairs of executions that overlapped and were used). Dot: the factor "
+    "on the task's duration; thick: plus and minus its standard error; thin: its 95 % interval. Where that crosses 1, "
+    "there may be no effect at all; hollow dots are sparse (fewer than 5 successes) or weakly identified."
 )
 
 
@@ -68,8 +69,8 @@ def synergy_coefficients(synergies: pl.DataFrame, max_rows: int = MAX_ROWS) -> l
 def _pair_coefficients(agents: tuple[str, str], cells: pl.DataFrame, max_rows: int, pair_label: str) -> Coefficients:
     observed = cells.filter(pl.col("synergy").is_not_null())
     captions = []
-    if observed.height < cells.height:
-        captions.append(f"Unobserved pairs, without a coefficient: {cells.height - observed.height:,}.")
+    if why := untold_text(cells):
+        captions.append(f"Pairs without a coefficient: {why}.")
     if observed.height > max_rows:
         captions.append(f"{max_rows} of {observed.height} coefficients are drawn, those of the longest overlap.")
         observed = observed.sort("overlap_s", descending=True, nulls_last=True, maintain_order=True).head(max_rows)

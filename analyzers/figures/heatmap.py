@@ -24,8 +24,9 @@ class Heatmap:
 
     `reading` says how to read the heatmap, `unit` what its values are.
 
-    `low` and `high` (the ends of an interval, NaN where unknown), `counts` and `doubtful` (cells to mark) have the same
-    shape or are None. A diverging scale is logarithmic and centred on 1; a sequential scale begins at 0.
+    `low` and `high` (the ends of an interval, NaN where unknown), `counts`, `doubtful` (cells to mark) and `reasons`
+    (why there is no value, "" where there is one) have the same shape or are None. A diverging scale is logarithmic and
+    centred on 1; a sequential scale begins at 0.
     """
 
     agents: tuple[str, str]
@@ -42,6 +43,7 @@ class Heatmap:
     high: FloatArray | None = None
     counts: FloatArray | None = None
     doubtful: BoolArray | None = None
+    reasons: tuple[tuple[str, ...], ...] | None = None
     digits: int = 2
     captions: tuple[str, ...] = ()
     common_limit: float | None = None

@@ -27,7 +27,7 @@ _UNSAID: Final = "Intervals and counts do not fit into the cells; the tables hav
 
 
 def heatmap_plot(heatmap: Heatmap, path: tuple[str, ...]) -> Plot:
-    """Return a matrix with named rows and columns; unobserved cells are grey and say n/a."""
+    """Return a matrix with named rows and columns; cells without a value are grey and say n/a, and on hover why."""
     rows, columns = heatmap.values.shape
     width = min(max(_ACROSS // max(columns, 1), _NARROWEST), _WIDEST)
     height = min(max(width * 2 // 3, _NARROWEST), _HIGHEST)
@@ -75,6 +75,8 @@ def _texts(heatmap: Heatmap, row: int, column: int, width: int, height: int, *, 
         return
     ink: Paint = "muted" if isinstance(fill, str) else ink_on(fill)
     notes = _notes(heatmap, row, column) if roomy else []
+    if len(notes) == 1 and not np.isfinite(heatmap.values[row, column]):
+        notes = []  # nothing was seen there: grey says enough
     lines = [(_value_text(heatmap, row, column), 19 if roomy else 12), *((note, 12) for note in notes)]
     first = row + 0.5 - (len(lines) - 1) * _LINE / 2 / height
     for index, (text, size) in enumerate(lines):
@@ -91,8 +93,9 @@ def _value_text(heatmap: Heatmap, row: int, column: int) -> str:
 
 
 def _notes(heatmap: Heatmap, row: int, column: int) -> list[str]:
+    """Return the interval or the reason why there is no value, and the count."""
     if not np.isfinite(heatmap.values[row, column]):
-        return []
+        return _reason(heatmap, row, column)
     notes = []
     if heatmap.low is not None and heatmap.high is not None and np.isfinite(heatmap.low[row, column]):
         low, high = (f"{ends[row, column]:,.{heatmap.digits}f}" for ends in (heatmap.low, heatmap.high))
@@ -100,6 +103,15 @@ def _notes(heatmap: Heatmap, row: int, column: int) -> list[str]:
     if heatmap.counts is not None and np.isfinite(heatmap.counts[row, column]):
         notes.append(f"n = {int(heatmap.counts[row, column]):,}")
     return notes
+
+
+def _reason(heatmap: Heatmap, row: int, column: int) -> list[str]:
+    """Return why there is no value, and the count of what was seen."""
+    if heatmap.reasons is None or not heatmap.reasons[row][column]:
+        return []
+    seen = heatmap.counts is not None and heatmap.counts[row, column] > 0
+    count = [f"n = {int(heatmap.counts[row, column]):,}"] if heatmap.counts is not None and seen else []
+    return [heatmap.reasons[row][column], *count]
 
 
 def _color_bar(heatmap: Heatmap) -> ColorBar:

@@ -14,7 +14,7 @@ from hrclog.analyzers.figures.curves import MAX_CURVES, Curve, Knot, curves_plot
 from hrclog.analyzers.figures.heatmap import agent_pairs, axes
 from hrclog.analyzers.figures.heatmap_plot import heatmap_plot
 from hrclog.analyzers.figures.plot import Plot, Steps
-from hrclog.analyzers.figures.synergy_heatmap import agent_names, synergy_heatmaps, with_estimator
+from hrclog.analyzers.figures.synergy_heatmap import SPARSE_MARK, agent_names, synergy_heatmaps, with_estimator
 from hrclog.analyzers.figures.text import shorten_apart
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.pairs import OK
@@ -30,10 +30,9 @@ HOW_TO_READ_DURATIONS: Final = (
     "moves when the last runs come in has not settled; a flat one may still move if the work changes."
 )
 
-_MARKED: Final = "* sparse (n < 5) or weakly identified."
 _CAPTIONS: Final = (
-    _MARKED,
-    "Grey, n/a: not observed together so far, or not told by the data.",
+    SPARSE_MARK,
+    "Grey, n/a: no overlap so far, no success of the task beside the other so far, or not told by the data.",
     "The colours are those of all runs: a colour means the same number in every step.",
 )
 _SHARED: Final = (
@@ -134,7 +133,7 @@ def _synergy_plot(
     n_unknown = last.height - ranked.height
     notes = [_SHARED, *filter(None, [note])]
     if any(status != OK for status in drawn["status"]):
-        notes.insert(0, _MARKED)
+        notes.insert(0, SPARSE_MARK)
     if n_unknown:
         notes.insert(0, f"Pairs of tasks without a factor after all runs: {n_unknown:,}.")
     if ranked.height > drawn.height:

@@ -8,15 +8,19 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.heatmap import Heatmap, agent_pairs, axes, matrix, on_one_scale
+from hrclog.analyzers.figures.heatmap import Axes, Heatmap, agent_pairs, axes, matrix, on_one_scale
 from hrclog.analyzers.figures.text import shorten_apart
+from hrclog.analyzers.synergy.pairs import UNOBSERVED
+from hrclog.analyzers.synergy.untold import BRIEFLY, untold_text
 
 HOW_TO_READ: Final = (
     "Factor on the duration of the row's task while the column's task runs (orange: longer, blue: shorter), relative "
     "to the task's mean over all its executions, good and bad company mixed: where others slow the task down, "
-    "undisturbed pairs lie below 1. Under each factor stand its 95 % interval and n, which counts pairs of successful "
-    "executions that overlapped."
+    "undisturbed pairs lie below 1. Under each factor stand its 95 % interval and n, which counts the pairs of "
+    "executions that overlapped and were used, whatever came of the column's."
 )
+
+SPARSE_MARK: Final = "* sparse (fewer than 5 successes) or weakly identified."
 
 AGENT: Final = 28
 """The most characters of an agent's name in titles."""
@@ -55,9 +59,9 @@ def _pair_heatmap(agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Ma
     )
     values = matrix(cells, "synergy", drawn)
     doubtful = np.nan_to_num(matrix(cells, "doubtful", drawn)) > 0
-    marked = "* sparse (n < 5) or weakly identified." if doubtful.any() else ""
-    n_unseen = int(np.isnan(values).sum())
-    grey = f"Grey, n/a: never observed together, or not told by the data ({n_unseen:,})." if n_unseen else ""
+    marked = SPARSE_MARK if doubtful.any() else ""
+    why = untold_text(cells.filter(pl.col("task").is_in(drawn.rows), pl.col("other_task").is_in(drawn.columns)))
+    grey = f"Grey, n/a: {why}." if why else ""
     return Heatmap(
         agents=agents,
         title=with_estimator(f"Synergy: {agent} while {other} works", cells),
@@ -73,5 +77,17 @@ def _pair_heatmap(agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Ma
         high=matrix(cells, "ci_high", drawn),
         counts=matrix(cells, "n", drawn),
         doubtful=doubtful,
+        reasons=_reasons(cells, drawn),
         captions=tuple(text for text in (marked, grey, *drawn.captions) if text),
+    )
+
+
+def _reasons(cells: pl.DataFrame, drawn: Axes) -> tuple[tuple[str, ...], ...]:
+    """Return why cells have no factor, "" where they have one; what has no row did not overlap."""
+    of_pair = {
+        (task, other): "" if factor is not None else BRIEFLY.get(status, "")
+        for task, other, factor, status in cells.select("task", "other_task", "synergy", "status").iter_rows()
+    }
+    return tuple(
+        tuple(of_pair.get((row, column), BRIEFLY[UNOBSERVED]) for column in drawn.columns) for row in drawn.rows
     )

@@ -23,8 +23,8 @@ _RATES: Final = ("success_rate", "success_low", "success_high")
 def durations(intervals: pl.DataFrame) -> pl.DataFrame:
     """Summarise the durations of the executions that succeeded, and count the others.
 
-    Executions still open when the log ended are right-censored: counted, never averaged in. Auxiliary
-    ones are left out.
+    Executions still open when the log ended are right-censored: counted, never averaged in; so are those whose end
+    tells no outcome. Auxiliary ones are left out.
 
     Args:
         intervals: a frame of schema `INTERVALS`.
@@ -48,7 +48,7 @@ def durations(intervals: pl.DataFrame) -> pl.DataFrame:
             succeeded.sum().alias("count"),
             outcome.is_in(_FAILED).sum().alias("n_failed"),
             outcome.is_in(_CANCELED).sum().alias("n_canceled"),
-            ((outcome == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null()).sum().alias("n_censored"),
+            (outcome == UNKNOWN_OUTCOME).sum().alias("n_censored"),
             seconds.mean().alias("mean_s"),
             seconds.std(ddof=1).alias("std_s"),
             seconds.median().alias("median_s"),

@@ -74,7 +74,7 @@ DURATIONS: Final = pl.Schema(
         "count": pl.Int64,  # executions that succeeded
         "n_failed": pl.Int64,  # failed or timed out
         "n_canceled": pl.Int64,  # canceled or skipped after their start
-        "n_censored": pl.Int64,  # still open when the log ended
+        "n_censored": pl.Int64,  # still open when the log ended, or ended without an outcome
         "success_rate": pl.Float64,  # count / (count + n_failed)
         "success_low": pl.Float64,  # Wilson 95 %
         "success_high": pl.Float64,
@@ -109,14 +109,15 @@ SYNERGIES: Final = pl.Schema(
         "free_std_err": pl.Float64,
         "free_ci_low": pl.Float64,  # 95 %
         "free_ci_high": pl.Float64,
-        "n": pl.Int64,  # pairs of successful executions that overlap
-        "overlap_s": pl.Float64,
-        "status": pl.String,  # ok | sparse (n < 5) | weakly_identified | unobserved
+        "n": pl.Int64,  # pairs of executions that overlap and were used; if no_success, that were seen
+        "overlap_s": pl.Float64,  # of those pairs
+        "status": pl.String,  # ok | sparse (< 5 successes) | weakly_identified | no_success | unobserved
         "estimator": pl.String,
     }
 )
-"""One row per ordered pair of tasks of different agents. Unobserved ones have no numbers, weakly identified ones only
-those that the data hold; a regression with no more rows than coefficients has neither errors nor intervals."""
+"""One row per ordered pair of tasks of different agents. Those that never overlapped (unobserved), and those that
+did without a success of the task (no_success), have no numbers, weakly identified ones only those that the data hold;
+a regression with no more rows than coefficients has neither errors nor intervals."""
 
 RUNS: Final = pl.Schema(
     {

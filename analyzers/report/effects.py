@@ -10,7 +10,7 @@ import polars as pl
 from hrclog.analyzers.report.chance import holm, p_value
 from hrclog.analyzers.report.finding import Finding, task_name
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
-from hrclog.analyzers.synergy.pairs import OK, WEAKLY_IDENTIFIED
+from hrclog.analyzers.synergy.pairs import OK, SPARSE, WEAKLY_IDENTIFIED
 from hrclog.wording import counted
 
 MOST_EFFECTS: Final = 5
@@ -18,7 +18,7 @@ MOST_EFFECTS: Final = 5
 
 _MISSES: Final = 0.05  # of 95 % intervals
 _KEY: Final = ("agent", "task", "other_agent", "other_task")
-_STATUS: Final = {"sparse": "few pairs", WEAKLY_IDENTIFIED: "weakly identified"}
+_STATUS: Final = {SPARSE: "few successes", WEAKLY_IDENTIFIED: "weakly identified"}
 _IMPOSSIBLE: Final = ((pl.col("synergy") <= 0) | (pl.col("synergy_free") <= 0)).fill_null(value=False)
 _BEYOND: Final = "; no execution was that long: the factor is that of the part that overlapped"
 _STILL: Final = 5.0  # times as long

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from statistics import mean, stdev
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
 from hrclog.analyzers.figures.makespans import NOT_SAID, complete_runs
 from hrclog.analyzers.figures.text import printable
+from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.projections.plan_labels import plan_labels
 from hrclog.analyzers.report.effects import effects
 from hrclog.analyzers.report.finding import Finding, task_name
-from hrclog.analyzers.synergy.pairs import UNOBSERVED
+from hrclog.analyzers.synergy.pairs import NO_SUCCESS, UNOBSERVED, WEAKLY_IDENTIFIED
+from hrclog.analyzers.synergy.untold import untold
 from hrclog.diagnostic import Diagnostic
 from hrclog.wording import counted
 
@@ -85,13 +87,26 @@ def _plus_minus(spread: float | None) -> str:
 
 
 def _unknown_pairs(synergies: pl.DataFrame) -> Iterable[Finding]:
-    unseen = synergies.filter(pl.col("status") == UNOBSERVED).height
-    untold = synergies.filter((pl.col("status") != UNOBSERVED) & pl.col("synergy").is_null()).height
-    if unseen:
-        text = f"{unseen:,} of {counted(synergies.height, 'ordered pair')} of tasks never overlapped in executions that"
-        yield Finding(f"{text} succeeded: nothing is known of them.", (), "doubt")
-    if untold:
-        yield Finding(f"{counted(untold, 'pair')} of tasks overlapped, but the data do not tell a factor.", (), "doubt")
+    counts = untold(synergies)
+    if unseen := counts.get(UNOBSERVED, 0):
+        text = f"{unseen:,} of {counted(synergies.height, 'ordered pair')} of tasks never overlapped"
+        yield Finding(f"{text}: nothing is known of them.", (), "doubt")
+    if failing := counts.get(NO_SUCCESS, 0):
+        text = f"{counted(failing, 'pair')} of tasks overlapped, but the first never succeeded then, so that no factor"
+        rows = synergies.filter(pl.col("status") == NO_SUCCESS).sort(
+            "overlap_s", *PAIR, descending=[True, *[False] * 4]
+        )
+        details = [_unsuccessful(row) for row in rows.head(MOST_FAILING).iter_rows(named=True)]
+        further = (f"{failing - len(details):,} more in the table of synergies.",) if failing > len(details) else ()
+        yield Finding(f"{text} is told:", (*details, *further), "doubt")
+    if doubtful := counts.get(WEAKLY_IDENTIFIED, 0):
+        text = f"{counted(doubtful, 'pair')} of tasks overlapped, but the data do not tell a factor."
+        yield Finding(text, (), "doubt")
+
+
+def _unsuccessful(row: Mapping[str, Any]) -> str:
+    task, other_task = task_name(row["agent"], row["task"]), task_name(row["other_agent"], row["other_task"])
+    return f"{task} while {other_task} runs (n = {row['n']:,}, {row['overlap_s']:,.1f} s)."
 
 
 def _failures(durations: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> Iterable[Finding]:
@@ -127,7 +142,7 @@ def _failures(durations: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> Ite
 _ENDINGS: Final = {
     "n_failed": "failed or timed out",
     "n_canceled": "were canceled or skipped",
-    "n_censored": "were open when the log ended",
+    "n_censored": "were open when the log ended, or ended without an outcome",
 }
 
 

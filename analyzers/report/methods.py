@@ -35,8 +35,8 @@ _HOLM: Final = (
 )
 _OVERLAP: Final = (
     "Executions occupy [start, end); two of different agents in one run overlap by max(0, min(ends) - max(starts)). n "
-    "counts pairs of executions that overlapped. A pair of tasks that never overlapped has no factor, and is never "
-    "taken for 1."
+    "counts the pairs of executions that a factor was learnt from, whatever came of the other agent's. A pair of tasks "
+    "that never overlapped has no factor, nor has one of which the first never succeeded; neither is ever taken for 1."
 )
 _DURATION: Final = "End minus start, pauses and slow-downs included: how long the task really took."
 _MAKESPAN: Final = "From a run's first start to its last end; of an open execution to its last sign of life."

@@ -41,7 +41,7 @@ class Found:
         changes: what becomes of pairs of tasks, against random plans; those that save most first.
         usual_s: mean over random plans of the expected makespan: the plan's own times their ratio in the same worlds.
         guessed: (agent, task) that are known by a declared guess alone.
-        unobserved: pairs of (agent, task) side by side in the plan that no run has shown.
+        unobserved: pairs of (agent, task) side by side in the plan of which no run tells a factor.
     """
 
     plan: Plan

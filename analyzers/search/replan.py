@@ -197,7 +197,8 @@ def _draw_work_left(
         if since_s is None:
             continue
         if (agent, task) not in times.times:
-            raise ScenarioError(f"how long does it take: {task} by {agent}? No run shows it, and no guess is declared")
+            question = f"how long does it take: {task} by {agent}?"
+            raise ScenarioError(f"{question} No run shows it succeed, and no guess is declared")
         time = times.times[agent, task]
         work_done = max(_work_done(times, (agent, task), since_s, running), 1e-9)
         sigma = max(time.sigma, _LEAST_SIGMA)

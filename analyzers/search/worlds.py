@@ -104,8 +104,8 @@ def _times_of(times: TaskTimes, keys: Sequence[AgentTask]) -> list[TaskTime]:
         names = ", ".join(f"{task} by {agent}" for agent, task in missing[:4])
         more = f" and {len(missing) - 4} more" if len(missing) > 4 else ""
         raise ScenarioError(
-            f"how long does it take: {names}{more}? No run shows it, and no guess is declared; add expected_s to the"
-            " task, or learn from runs with it: hrclog kb update"
+            f"how long does it take: {names}{more}? No run shows it succeed, and no guess is declared; add"
+            " expected_s to the task, or learn from runs with it: hrclog kb update"
         )
     return [times.times[key] for key in keys]
 

@@ -50,7 +50,8 @@ def aft(observations: Observations, outliers: Outliers = "none", prior: Prior | 
     fits = [fit_task(inlying(data, outliers), prior) for data in exposures(observations) if data.finished.any()]
     means = mean_durations(observations)
     rows = [row for fit in fits for row in _rows(fit, means[fit.data.key], prior)]
-    return Fit(synergy_table(observations.executions, observations.pairs, rows, "aft"), *models_of(fits))
+    table = synergy_table(observations.executions, observations.meetings, rows, "aft", cut_short=True)
+    return Fit(table, *models_of(fits))
 
 
 def _rows(fit: TaskFit, mean_s: float, prior: Prior) -> Iterator[tuple[Any, ...]]:
@@ -98,6 +99,7 @@ class Aft(Estimator):
     )
     counts_cut_short = True
     conformal = True
+    version = 2
 
     def fit(self, observations: Observations, outliers: Outliers = "none") -> Fit:
         """Estimate synergies by the rate model."""

@@ -109,7 +109,7 @@ def bayes(observations: Observations, outliers: Outliers = "none") -> Fit:
     """Estimate synergies as the follow-up does; the same data always give the same numbers.
 
     Args:
-        observations: what to learn from; executions that did not succeed take no part.
+        observations: what to learn from; executions that did not succeed are company only.
         outliers: which rows of each regression to leave out.
     """
     from threadpoolctl import threadpool_limits
@@ -120,7 +120,7 @@ def bayes(observations: Observations, outliers: Outliers = "none") -> Fit:
             for regression in concurrent_shares(observations, outliers)
         ]
     rows = [row for regression, result in solutions for row in _rows(regression, result)]
-    table = synergy_table(observations.executions, observations.pairs, rows, "bayes")
+    table = synergy_table(observations.executions, observations.meetings, rows, "bayes")
     covariances = tuple(
         Covariance(regression.keys, result.covariance if is_known(result) else np.full_like(result.covariance, np.nan))
         for regression, result in solutions
@@ -279,6 +279,7 @@ class Bayes(Estimator):
         "the Bayesian regression of Sandrini, Faroni and Pedrocchi (RCIM 2025). It takes the share of a task's work "
         "that is done beside another for the share of its time, so strong factors come out about a third too small."
     )
+    version = 2
     caution = "By bayes strong factors come out about a third too small."
 
     def fit(self, observations: Observations, outliers: Outliers = "none") -> Fit:

@@ -98,14 +98,20 @@ class Estimator(ABC):
 
         Args:
             observations: what was learnt from.
-            coefficients: at most one per pair of tasks; pairs without one are unobserved.
+            coefficients: at most one per pair of tasks; pairs without one have no factor.
 
         Raises:
             EstimatorError: a coefficient is of a task that was not observed, or is no number.
         """
         coefficients = list(coefficients)
         _check_coefficients(self.name, coefficients, observations)
-        table = synergy_table(observations.executions, observations.pairs, map(tuple, coefficients), self.name)
+        table = synergy_table(
+            observations.executions,
+            observations.meetings,
+            map(tuple, coefficients),
+            self.name,
+            cut_short=self.counts_cut_short,
+        )
         return Fit(table, sampled_models(observations, table))
 
 

@@ -24,7 +24,7 @@ def mean(observations: Observations, outliers: Outliers = "none") -> Fit:  # noq
         outliers: has no effect.
     """
     rows = [(*key, *_ASSUMED, *_ASSUMED, True) for key in observations.pairs.select(PAIR).unique().sort(PAIR).rows()]
-    table = synergy_table(observations.executions, observations.pairs, rows, "mean")
+    table = synergy_table(observations.executions, observations.meetings, rows, "mean")
     return Fit(table, sampled_models(observations, table))
 
 

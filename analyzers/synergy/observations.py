@@ -15,7 +15,7 @@ import polars as pl
 
 from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.joint_states import State, segments
-from hrclog.analyzers.synergy.pairs import in_seconds, overlapping_pairs, successful
+from hrclog.analyzers.synergy.pairs import in_seconds, is_finished, overlapping_pairs
 from hrclog.arrays import IntArray
 from hrclog.errors import HrclogError
 
@@ -45,12 +45,17 @@ class Observations:
     Attributes:
         executions: schema `EXECUTIONS`.
         states: what the numbers in it stand for, sorted.
-        pairs: the ordered pairs of successful executions that overlap, as `overlapping_pairs` returns them.
+        meetings: the ordered pairs of executions that overlap, as `overlapping_pairs` returns them.
     """
 
     executions: pl.DataFrame
     states: tuple[State, ...]
-    pairs: pl.DataFrame
+    meetings: pl.DataFrame
+
+    @property
+    def pairs(self) -> pl.DataFrame:
+        """Return the meetings of executions that succeeded, with whatever the other agent did meanwhile."""
+        return self.meetings.filter("finished")
 
     @property
     def runs(self) -> list[str]:
@@ -60,17 +65,17 @@ class Observations:
     def only(self, runs: Iterable[str]) -> Observations:
         """Return the observations of some of the runs."""
         kept = pl.col("run_id").is_in(list(runs))
-        return Observations(self.executions.filter(kept), self.states, self.pairs.filter(kept))
+        return Observations(self.executions.filter(kept), self.states, self.meetings.filter(kept))
 
     def without(self, runs: Iterable[str]) -> Observations:
         """Return the observations with some runs withdrawn."""
         kept = ~pl.col("run_id").is_in(list(runs))
-        return Observations(self.executions.filter(kept), self.states, self.pairs.filter(kept))
+        return Observations(self.executions.filter(kept), self.states, self.meetings.filter(kept))
 
     def drawn(self, runs: Sequence[str]) -> Observations:
         """Return the observations of these runs, one that is named twice as two runs."""
         names = pl.DataFrame({"run_id": list(runs)}, schema={"run_id": pl.String}).with_row_index("draw")
-        return Observations(_draw_runs(self.executions, names), self.states, _draw_runs(self.pairs, names))
+        return Observations(_draw_runs(self.executions, names), self.states, _draw_runs(self.meetings, names))
 
 
 def observe(intervals: pl.DataFrame) -> Observations:
@@ -91,10 +96,9 @@ def observe(intervals: pl.DataFrame) -> Observations:
         .agg("state", "seconds")
     )
     last = pl.DataFrame({"row": cut.row, "last_state": cut.state}).group_by("row").agg(pl.col("last_state").last())
-    usable = (pl.col("outcome") == "succeeded") & pl.col("end_ns").is_not_null()
     executions = (
         rows.with_columns(
-            in_seconds(pl.col("until_ns") - pl.col("start_ns")).alias("duration_s"), usable.alias("finished")
+            in_seconds(pl.col("until_ns") - pl.col("start_ns")).alias("duration_s"), is_finished().alias("finished")
         )
         .with_row_index("row")
         .with_columns(pl.col("row").cast(pl.Int64))
@@ -103,7 +107,7 @@ def observe(intervals: pl.DataFrame) -> Observations:
         .select(EXECUTIONS.names())
         .cast(EXECUTIONS)
     )
-    return Observations(executions, cut.states, overlapping_pairs(successful(intervals)).sort(_PAIR_SORT))
+    return Observations(executions, cut.states, overlapping_pairs(intervals).sort(_PAIR_SORT))
 
 
 def merge(parts: Sequence[Observations]) -> Observations:
@@ -126,7 +130,7 @@ def merge(parts: Sequence[Observations]) -> Observations:
             for part in parts
         ]
     )
-    return Observations(executions.sort(_SORT), states, pl.concat([part.pairs for part in parts]).sort(_PAIR_SORT))
+    return Observations(executions.sort(_SORT), states, pl.concat([part.meetings for part in parts]).sort(_PAIR_SORT))
 
 
 def _renumber_states(executions: pl.DataFrame, number: IntArray) -> pl.DataFrame:

@@ -24,7 +24,7 @@ def ols(observations: Observations, outliers: Outliers = "none") -> Fit:
     """Estimate synergies as the paper's authors' code does.
 
     Args:
-        observations: what to learn from; executions that did not succeed take no part.
+        observations: what to learn from; executions that did not succeed are company only.
         outliers: which rows of each regression to leave out.
     """
     return _estimate("ols", observations, concurrent_shares(observations, outliers))
@@ -34,7 +34,7 @@ def paper(observations: Observations, outliers: Outliers = "none") -> Fit:
     """Estimate synergies as the paper prints it.
 
     Args:
-        observations: what to learn from; executions that did not succeed take no part.
+        observations: what to learn from; executions that did not succeed are company only.
         outliers: which rows of each regression to leave out.
     """
     return _estimate("paper", observations, own_shares(observations, outliers))
@@ -47,7 +47,7 @@ def _estimate(name: str, observations: Observations, regressions: Iterable[Regre
     with threadpool_limits(1, "blas"):
         solutions = [(regression, fit(regression.x, regression.y)) for regression in regressions]
     rows = [row for regression, result in solutions for row in _rows(regression, result)]
-    table = synergy_table(observations.executions, observations.pairs, rows, name)
+    table = synergy_table(observations.executions, observations.meetings, rows, name)
     covariances = tuple(Covariance(regression.keys, result.covariance) for regression, result in solutions)
     return Fit(table, sampled_models(observations, table), covariances)
 
@@ -67,6 +67,7 @@ class Ols(Estimator):
         "the least squares of the authors' code (Sandrini, Faroni, Pedrocchi, ETFA 2022). Strong factors come out "
         "about a third too small, and factors below 0 are possible."
     )
+    version = 2
     caution = "By ols strong factors come out about a third too small."
 
     def fit(self, observations: Observations, outliers: Outliers = "none") -> Fit:
@@ -83,6 +84,7 @@ class Paper(Estimator):
         "the regression as printed in Sandrini, Faroni and Pedrocchi (ETFA 2022), kept for comparison; its "
         "coefficients should not be planned with."
     )
+    version = 2
     caution = "These factors are the regression's as printed, kept for comparison: they should not be planned with."
 
     def fit(self, observations: Observations, outliers: Outliers = "none") -> Fit:

@@ -1,6 +1,7 @@
 """The paper's regressions as matrices: the authors' code (`concurrent_shares`) and the printed formula (`own_shares`).
 
-Main task i of agent A, executions k that met at least one task of agent B; d_j is the mean duration of (B, j):
+Main task i of agent A, executions k of any outcome that met at least one execution c of agent B that succeeded (those
+that did not tell nothing of how long j takes); d_j is the mean duration of (B, j):
 
     concurrent shares:  y_k = sum_c o_kc        X_kj = d_j sum_{c in j} o_kc / D_c
     own shares:         y_k = D_k - o_k0        X_kj = d_j o_kj / D_k   (eq. regression-row, its index misprint read
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import polars as pl
@@ -22,7 +24,10 @@ import polars as pl
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outlier_methods import Outliers, inliers
+from hrclog.analyzers.synergy.pairs import in_seconds
 from hrclog.arrays import FloatArray
+
+_MET: Final = ("run_id", "execution_id", "other_agent")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +49,7 @@ def concurrent_shares(observations: Observations, outliers: Outliers) -> Iterato
     """Yield the regressions of the authors' code.
 
     Args:
-        observations: what to learn from; executions that did not succeed take no part.
+        observations: what to learn from; of the other agent's executions those that succeeded count.
         outliers: which rows of each regression to leave out.
     """
     share = pl.col("overlap_s") / pl.col("other_duration_s")
@@ -55,12 +60,15 @@ def own_shares(observations: Observations, outliers: Outliers) -> Iterator[Regre
     """Yield the regressions that the paper prints.
 
     Args:
-        observations: what to learn from; executions that did not succeed take no part.
+        observations: what to learn from; of the other agent's executions those that succeeded count.
         outliers: which rows of each regression to leave out.
     """
     share = pl.col("overlap_s") / pl.col("duration_s")
+    # of what an execution meets of one agent, by start: what reaches beyond all before it
+    until = pl.col("from_ns") + pl.col("overlap_ns")
+    further = (until - pl.max_horizontal("from_ns", until.cum_max().shift(1))).clip(0)
     # the time in which the other agent was busy, spread over the pairs of k, sums to y_k again
-    met = pl.col("met_s") / pl.len().over("run_id", "execution_id", "other_agent")
+    met = in_seconds(further.sum().over(_MET)) / pl.len().over(_MET)
     return _regressions(observations, outliers, met, share)
 
 
@@ -74,7 +82,8 @@ def mean_durations(observations: Observations) -> dict[tuple[str, str], float]:
 def _regressions(
     observations: Observations, outliers: Outliers, response: pl.Expr, share: pl.Expr
 ) -> Iterator[Regression]:
-    terms = observations.pairs.with_columns(response.alias("response"), share.alias("share"))
+    useful = observations.meetings.filter("other_finished").sort(*_MET, "from_ns", "other_execution_id")
+    terms = useful.with_columns(response.alias("response"), share.alias("share"))
     terms = terms.sort(*PAIR, "run_id", "execution_id", "other_execution_id")
     mean_of = mean_durations(observations)
     for (agent, task, other), part in terms.group_by("agent", "task", "other_agent", maintain_order=True):

@@ -83,10 +83,10 @@ def _pair_lines(found: Found) -> Iterator[str]:
 def _doubt_lines(found: Found) -> Iterator[str]:
     if found.guessed:
         named = ", ".join(f"{task} by {agent}" for agent, task in found.guessed)
-        yield printable(f"guessed, no run shows it yet: {named}")
+        yield printable(f"guessed, no run shows it succeed yet: {named}")
     if found.unobserved:
         named = ", ".join(f"{first[1]} ({first[0]}) | {second[1]} ({second[0]})" for first, second in found.unobserved)
-        yield printable(f"side by side in this plan, and in no run yet: {named}")
+        yield printable(f"side by side in this plan, and no run tells a factor yet: {named}")
 
 
 def timeline_text(plan: Plan, ends: Mapping[str, tuple[float, float]] | None = None) -> str:

@@ -120,14 +120,26 @@ def _synergies(analysis: Analysis) -> str:
         )
         for row in seen.head(_MOST_ROWS).iter_rows(named=True)
     ]
-    unobserved = analysis.synergies.height - seen.height
     title = (
         f"Synergies by {analysis.estimator}: factor on a task's mean duration while another's task runs (> 1 is slower)"
     )
     drawn = f"\nIntervals come from {counted(analysis.bootstrap, 'draw')} of whole runs" if analysis.bootstrap else ""
-    note = drawn + (f"\n{counted(unobserved, 'pair')} of tasks never overlapped: not observed" if unobserved else "")
+    note = drawn + "".join(f"\n{line}" for line in _untold_lines(analysis.synergies))
     header = ("task", "while", "factor", "95 % interval", *(["over free"] if free else []), "n", "overlap s", "status")
     return f"{title}\n{table(header, rows, lambda i: 1 < i < len(header) - 1)}{_omitted_note(seen.height)}{note}"
+
+
+def _untold_lines(synergies: pl.DataFrame) -> list[str]:
+    """Return which pairs of tasks have no factor, and why; weakly identified ones are marked in the table."""
+    from hrclog.analyzers.synergy.pairs import NO_SUCCESS, UNOBSERVED
+    from hrclog.analyzers.synergy.untold import untold
+
+    counts = untold(synergies)
+    lines = {
+        NO_SUCCESS: "of tasks overlapped, but the first never succeeded then (no_success): no factor is told",
+        UNOBSERVED: "of tasks never overlapped: not observed",
+    }
+    return [f"{counted(counts[status], 'pair')} {text}" for status, text in lines.items() if status in counts]
 
 
 def _free(row: dict[str, Any]) -> str:

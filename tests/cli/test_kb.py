@@ -59,7 +59,7 @@ def test_show_says_what_statistics_are_made_from(run: Run, kb: Path, logs: Path)
     run("kb", "ingest", logs, "--kb", kb)
     out = run("kb", "show", "--kb", kb).out
     assert "withdrawn: loose\\x1b gripper" in out
-    assert "statistics of 2 runs, estimator ols 1, outliers left out by isolation-forest; behind by 1: " in out
+    assert "statistics of 2 runs, estimator ols 2, outliers left out by isolation-forest; behind by 1: " in out
     assert "robot put" in out
     assert "guess s" in out
     assert "5.50" in out

@@ -115,8 +115,8 @@ def test_constraint_programming_stops_in_time(run: Run, problem: Path) -> None:
 def test_a_plan_may_be_made_by_guesses_alone_which_are_named(run: Run, problem: Path) -> None:
     result = run("plan", problem)
     assert result.code == 0
-    assert "guessed, no run shows it yet: take_part by operator, " in result.out
-    assert "side by side in this plan, and in no run yet: " in result.out
+    assert "guessed, no run shows it succeed yet: take_part by operator, " in result.out
+    assert "side by side in this plan, and no run tells a factor yet: " in result.out
     assert ["operator", "take_part"] in run("plan", problem, "--json").json()["guessed"]
 
 

@@ -14,6 +14,7 @@ from kb_work import watch
 
 from hrclog.analyzers.learning.ingest import ingest, update_statistics
 from hrclog.analyzers.learning.learn import learn
+from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.knowledge import open_knowledge
 from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.update import Method, rebuild, update
@@ -57,7 +58,7 @@ def test_runs_that_come_while_statistics_are_made_are_in_them(where: str, meanwh
                 ingest(other, frame_of_runs([number]))
             return taught(results)
 
-        assert update(kb, Method("paper", 1, "none", teach))
+        assert update(kb, Method("paper", ESTIMATORS["paper"].version, "none", teach))
         found = state(kb)
     with open_knowledge(tmp_path / "alone.sqlite", create=True) as alone:
         ingest(alone, frame_of_runs(range(min(2 + meanwhile, 5))))
@@ -76,7 +77,7 @@ def test_a_run_withdrawn_while_everything_is_rebuilt_stays_out(where: str) -> No
                 other.withdraw("n1")
             return taught(results)
 
-        rebuild(kb, _records(frame_of_runs(range(4)))[0], Method("paper", 1, "none", teach))
+        rebuild(kb, _records(frame_of_runs(range(4)))[0], Method("paper", ESTIMATORS["paper"].version, "none", teach))
         made = kb.statistics()
         assert made is not None
         assert [run for run, _ in made.runs] == ["run-0000", "run-0002", "run-0003"]

@@ -267,7 +267,29 @@ def test_an_unobserved_pair_is_grey_and_has_no_number() -> None:
     assert heatmap.low is not None
     assert heatmap.high is not None
     assert heatmap.high[1, 2] - heatmap.low[1, 2] == pytest.approx(0.2)
-    assert any("never observed" in text for text in heatmap.captions)
+    assert any("never overlapped (1)" in text for text in heatmap.captions)
+
+
+def test_a_pair_that_overlapped_without_a_success_says_so_in_cell_hover_and_notes() -> None:
+    reason = lambda i, j: "no_success" if i == j == 0 else "weakly_identified" if i == j == 1 else "ok"  # noqa: E731
+    table = cells(
+        SYNERGIES,
+        2,
+        synergy=lambda i, j: None if i == j else 1.5,
+        n=lambda *_: 24,
+        overlap_s=lambda *_: 195.3,
+        status=reason,
+    )
+    heatmap = synergy_heatmaps(table)[0]
+    plot = heatmap_plot(heatmap, ("synergy", "A", "B"))
+    assert [rect.label for rect in plot.rects if "n/a" in rect.label] == [
+        "t0, t0: n/a, no success, n = 24",
+        "t1, t1: n/a, not told, n = 24",
+    ]
+    assert [text.text for text in plot.texts][:3] == ["n/a", "no success", "n = 24"]
+    why = "overlapped without a success of the task (1), not told by the data (1)"
+    assert f"Grey, n/a: {why}." in plot.notes
+    assert f"Pairs without a coefficient: {why}." in synergy_coefficients(table)[0].captions
 
 
 def test_a_colour_means_the_same_in_both_directions() -> None:
@@ -312,7 +334,7 @@ def test_coefficients_leave_out_the_unobserved_and_sort_by_size() -> None:
     plot = synergy_coefficients(synergies(3))[0]
     assert len(plot.rows) == 8
     assert [row.value for row in plot.rows] == sorted((row.value for row in plot.rows), reverse=True)
-    assert "Unobserved pairs, without a coefficient: 1." in plot.captions
+    assert "Pairs without a coefficient: never overlapped (1)." in plot.captions
     long = synergy_coefficients(synergies(9))[0]
     assert len(long.rows) == MAX_ROWS
     assert f"{MAX_ROWS} of 80 coefficients are drawn, those of the longest overlap." in long.captions

@@ -154,7 +154,7 @@ def test_counts_say_what_they_count() -> None:
     (heatmap,) = synergy_heatmaps(pairs(["human", "robot"], ["a"], SYNERGIES))
     (coefficients,) = synergy_coefficients(pairs(["human", "robot"], ["a"], SYNERGIES))
     for reading in (heatmap.reading, coefficients.reading):
-        assert "pairs of successful executions that overlapped" in reading
+        assert "executions that overlapped and were used" in reading
     ((seconds, _),) = overlap_matrices(pairs(["human", "robot"], ["a"], PAIR_OVERLAPS))
     assert "of all executions, failed ones too" in seconds.reading
     assert "relative to the task's mean over all its executions" in heatmap.reading

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from interval_frames import frame, row
+from hypothesis import given, settings
+from interval_frames import Row, frame, row, rows
 from scipy import special, stats
 
 from hrclog.analyzers.projections import distributions
@@ -47,6 +48,15 @@ def test_what_did_not_succeed_is_counted_and_never_averaged() -> None:
     assert [found[name] for name in ("count", "n_failed", "n_canceled", "n_censored")] == [2, 2, 2, 1]
     assert (found["mean_s"], found["min_s"], found["max_s"], found["median_s"]) == (2.5, 2.0, 3.0, 2.5)
     assert found["success_rate"] == 0.5
+
+
+@settings(max_examples=30)
+@given(rows(max_size=14))
+def test_every_execution_is_counted_once(found: list[Row]) -> None:
+    # an end may tell no outcome
+    found = [one | {"end_ns": one["until_ns"]} if number % 2 else one for number, one in enumerate(found)]
+    counts = durations(frame(found)).select("count", "n_failed", "n_canceled", "n_censored").sum()
+    assert sum(counts.row(0)) == sum(one["role"] != "auxiliary" for one in found)
 
 
 def test_a_task_that_never_succeeded_has_counts_and_no_numbers() -> None:

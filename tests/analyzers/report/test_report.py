@@ -234,13 +234,26 @@ def test_findings_compare_with_undisturbed_work_what_remains_among_many_first() 
         f"robot: pick takes 3.48 [1.89, 6.41] {slow} (n = 7).",
         f"robot: first takes 1.40 [1.30, 1.50] {slow} (n = 9).",
         f"robot: late takes 20.00 [1.50, 266.00] {slow} (n = 2, not after allowing for 6 comparisons).",
-        f"robot: wait takes 9.00 [1.01, 80.00] {slow} (n = 2, few pairs, not after allowing for 6 comparisons).",
+        f"robot: wait takes 9.00 [1.01, 80.00] {slow} (n = 2, few successes, not after allowing for 6 comparisons).",
         "1 speed-up whose 95 % interval lies below 1, clearest first:",
         f"robot: go takes 0.80 [0.70, 0.90] {slow} (n = 12).",
         "Of 6 intervals of 95 %, 5 show a slow-down or a speed-up; after allowing for 6 comparisons (Holm), 3 remain.",
-        "1 of 8 ordered pairs of tasks never overlapped in executions that succeeded: nothing is known of them.",
+        "1 of 8 ordered pairs of tasks never overlapped: nothing is known of them.",
         "1 pair of tasks overlapped, but the data do not tell a factor.",
     ]
+
+
+def test_findings_name_what_overlapped_and_never_succeeded() -> None:
+    table = synergies([*SOME_FACTORS[:1], *[(f"t{n}", None, None, None, 24, "no_success") for n in range(4)]])
+    table = table.with_columns(pl.when(task="t3").then(9.0).otherwise(1.0).alias("overlap_s"))
+    assert said(table)[-5:] == [
+        "4 pairs of tasks overlapped, but the first never succeeded then, so that no factor is told:",
+        "robot: t3 while human: hold runs (n = 24, 9.0 s).",
+        "robot: t0 while human: hold runs (n = 24, 1.0 s).",
+        "robot: t1 while human: hold runs (n = 24, 1.0 s).",
+        "1 more in the table of synergies.",
+    ]
+    assert not any("never overlapped" in sentence for sentence in said(table))
 
 
 def test_relative_to_the_mean_there_are_slow_downs_and_no_speed_ups() -> None:
@@ -248,7 +261,7 @@ def test_relative_to_the_mean_there_are_slow_downs_and_no_speed_ups() -> None:
         "2 slow-downs whose 95 % interval lies above 1, clearest first:",
         "robot: pick takes 3.48 [1.89, 6.41] times its mean while human: hold runs (n = 7).",
         (
-            "robot: wait takes 9.00 [1.01, 80.00] times its mean while human: hold runs (n = 2, few pairs, "
+            "robot: wait takes 9.00 [1.01, 80.00] times its mean while human: hold runs (n = 2, few successes, "
             "not after allowing for 4 comparisons)."
         ),
         "Of 4 intervals of 95 %, 2 show a slow-down or a speed-up; after allowing for 4 comparisons (Holm), 1 remains.",

@@ -46,12 +46,12 @@ def sensible(fit: Fit, found: list[Row]) -> None:
                 assert one[others[1]] <= one[value] <= one[others[2]]
                 assert one[others[0]] >= 0
         assert (one["n"] == 0) == (one["overlap_s"] == 0.0)
-        assert one["n"] > 0 or one["status"] == "unobserved"
-        if one["status"] == "unobserved":
+        assert (one["n"] == 0) == (one["status"] == "unobserved")
+        if one["status"] in ("unobserved", "no_success"):
             assert (one["synergy"], one["synergy_free"]) == (None, None)
         if one["status"] in ("ok", "sparse"):
             assert one["synergy"] is not None
-            assert (one["status"] == "sparse") == (one["n"] < 5)
+            assert one["status"] == "sparse" or one["n"] >= 5
     finished = {
         (one["agent"], one["task"])
         for one in counting

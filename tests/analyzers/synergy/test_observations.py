@@ -39,7 +39,7 @@ def same(first: Observations, second: Observations) -> None:
     """Assert that two observations are equal to the last bit."""
     assert first.states == second.states
     assert_frame_equal(first.executions, second.executions, check_exact=True)
-    assert_frame_equal(first.pairs, second.pairs, check_exact=True)
+    assert_frame_equal(first.meetings, second.meetings, check_exact=True)
 
 
 def parts_of(found: Sequence[Row]) -> dict[str, list[Row]]:
@@ -79,7 +79,7 @@ def test_withdrawn_runs_leave_the_rest(found: list[Row], gone: set[str]) -> None
     rest = observe(frame([one for one in found if one["run_id"] not in gone]))
     for left in (observe(frame(found)).without(gone), observe(frame(found)).only(set("rstu") - gone)):
         assert told(left) == told(rest)
-        assert_frame_equal(left.pairs, rest.pairs, check_exact=True)
+        assert_frame_equal(left.meetings, rest.meetings, check_exact=True)
         assert left.runs == rest.runs
     same(merge([observe(frame(found)).without(gone)]), observe(frame(found)).without(gone))
 
@@ -98,18 +98,20 @@ def test_a_run_that_is_drawn_twice_is_two_runs() -> None:
     for name, source in zip(drawn.runs, draws, strict=True):
         one, other = drawn.only([name]), whole.only([source])
         assert name.endswith(source)
-        assert told(Observations(one.executions.with_columns(**renamed), one.states, one.pairs)) == told(
-            Observations(other.executions.with_columns(**renamed), other.states, other.pairs)
+        assert told(Observations(one.executions.with_columns(**renamed), one.states, one.meetings)) == told(
+            Observations(other.executions.with_columns(**renamed), other.states, other.meetings)
         )
-        assert_frame_equal(one.pairs.with_columns(**renamed), other.pairs.with_columns(**renamed), check_exact=True)
-        assert other.pairs.height > 0
+        assert_frame_equal(
+            one.meetings.with_columns(**renamed), other.meetings.with_columns(**renamed), check_exact=True
+        )
+        assert other.meetings.height > 0
 
 
 def test_drawing_every_run_once_is_the_whole_under_other_names() -> None:
     whole = observe(frame(FOUND))
     drawn = whole.drawn(RUNS)
     assert_frame_equal(drawn.executions.drop("run_id"), whole.executions.drop("run_id"), check_exact=True)
-    assert_frame_equal(drawn.pairs.drop("run_id"), whole.pairs.drop("run_id"), check_exact=True)
+    assert_frame_equal(drawn.meetings.drop("run_id"), whole.meetings.drop("run_id"), check_exact=True)
     assert whole.drawn([]).runs == []
 
 
@@ -169,7 +171,7 @@ def test_plans_without_numbers_do_not_matter() -> None:
     same(observe(frame(FOUND).with_columns(odd)), observe(frame(FOUND)))
 
 
-def test_pairs_are_the_successful_executions_that_overlap() -> None:
+def test_pairs_are_the_successful_executions_with_whatever_overlaps_them() -> None:
     found = [
         row("H", "h", 0, 10 * SECOND),
         row("R", "r", 4 * SECOND, 8 * SECOND),
@@ -177,8 +179,17 @@ def test_pairs_are_the_successful_executions_that_overlap() -> None:
         row("H", "i", 2 * SECOND, 6 * SECOND),  # of the same agent as x0
         row("S", "home", 0, 9 * SECOND, role="auxiliary"),
     ]
-    pairs = observe(frame(found)).pairs.select("execution_id", "other_execution_id", "overlap_s", "met_s").rows()
-    assert pairs == [("x0", "x1", 4.0, 4.0), ("x1", "x0", 4.0, 4.0), ("x1", "x3", 2.0, 4.0), ("x3", "x1", 2.0, 2.0)]
+    observations = observe(frame(found))
+    pairs = observations.pairs.select("execution_id", "other_execution_id", "overlap_s", "other_finished").rows()
+    assert pairs == [
+        ("x0", "x1", 4.0, True),
+        ("x0", "x2", 1.0, False),
+        ("x1", "x0", 4.0, True),
+        ("x1", "x3", 2.0, True),
+        ("x3", "x1", 2.0, True),
+    ]
+    more = observations.meetings.filter(~pl.col("finished"))
+    assert more.select("execution_id", "other_execution_id", "overlap_s").rows() == [("x2", "x0", 1.0)]
 
 
 def test_nothing_observed_is_an_empty_table() -> None:
@@ -186,7 +197,7 @@ def test_nothing_observed_is_an_empty_table() -> None:
     assert (nothing.executions.schema, nothing.executions.height, nothing.states) == (EXECUTIONS, 0, ())
     whole = observe(frame(FOUND))
     same(merge([nothing, whole]), whole)
-    same(whole.only([]).drawn([]), Observations(nothing.executions, whole.states, nothing.pairs))
+    same(whole.only([]).drawn([]), Observations(nothing.executions, whole.states, nothing.meetings))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -46,26 +46,26 @@ def union_length(spans: list[tuple[int, int]]) -> int:
 
 def naive(found: list[Row], name: str) -> Iterator[Regression]:
     """Yield (rows of the synergy table, X, y) of each regression, straight from the formulas."""
-    good = [
+    counting = [
         one
         for one in found
-        if one["outcome"] == "succeeded" and one["end_ns"] is not None and one["end_ns"] > one["start_ns"]
-        and one["role"] == "primary" and not one["parent_execution_id"]
-    ]  # fmt: skip
+        if one["until_ns"] > one["start_ns"] and one["role"] == "primary" and not one["parent_execution_id"]
+    ]
+    good = [one for one in counting if one["outcome"] == "succeeded" and one["end_ns"] is not None]
     tasks = sorted({(one["agent"], one["task"]) for one in good})
-    length = {one["execution_id"]: (one["end_ns"] - one["start_ns"]) / 1e9 for one in good}
+    length = {one["execution_id"]: (one["until_ns"] - one["start_ns"]) / 1e9 for one in counting}
     mean = {
         key: np.mean([length[one["execution_id"]] for one in good if (one["agent"], one["task"]) == key])
         for key in tasks
     }
-    for agent, task in tasks:
+    for agent, task in sorted({(one["agent"], one["task"]) for one in counting}):
         for other in sorted({key[0] for key in tasks} - {agent}):
             matrix, left = [], []
             names = [key[1] for key in tasks if key[0] == other]
-            for k in [one for one in good if (one["agent"], one["task"]) == (agent, task)]:
+            for k in [one for one in counting if (one["agent"], one["task"]) == (agent, task)]:
                 shares, met, total = dict.fromkeys(names, 0.0), [], 0.0
                 for c in [one for one in good if one["agent"] == other and one["run_id"] == k["run_id"]]:
-                    low, high = max(k["start_ns"], c["start_ns"]), min(k["end_ns"], c["end_ns"])
+                    low, high = max(k["start_ns"], c["start_ns"]), min(k["until_ns"], c["end_ns"])
                     if high > low:
                         overlap = (high - low) / 1e9
                         met.append((low, high))
@@ -117,7 +117,8 @@ def agrees(found: list[Row], name: str, rtol: float = 1e-9) -> int:
                 assert (ours["std_err"], ours["ci_low"], ours["ci_high"]) == (None, None, None)
     for key, ours in table.items():
         if key not in expected_keys:
-            assert (ours["status"], ours["n"], ours["overlap_s"], ours["synergy"]) == ("unobserved", 0, 0.0, None)
+            assert (ours["status"], ours["synergy"]) == ("no_success" if ours["n"] else "unobserved", None)
+            assert (ours["n"] == 0) == (ours["overlap_s"] == 0.0)
             assert (ours["std_err"], ours["ci_low"], ours["ci_high"]) == (None, None, None)
     return compared
 
@@ -162,11 +163,12 @@ def test_every_ordered_pair_of_tasks_of_different_agents_is_one_row(name: str) -
 
 
 @both
-def test_executions_that_did_not_succeed_take_no_part(name: str) -> None:
+def test_executions_that_did_not_succeed_are_company_and_no_more(name: str) -> None:
     found = random_runs(4)
-    good = [one for one in found if one["outcome"] == "succeeded"]
-    assert len(good) < len(found)
-    assert_frame_equal(estimated(name, frame(found)), estimated(name, frame(good)), check_exact=True)
+    assert any(one["agent"] == "R" and one["outcome"] == "failed" for one in found)
+    of_r = [one for one in found if one["agent"] == "H" or one["outcome"] == "succeeded"]
+    tables = [estimated(name, frame(rows_)).filter(agent="R") for rows_ in (found, of_r)]
+    assert_frame_equal(*tables, check_exact=True)
 
 
 @both
