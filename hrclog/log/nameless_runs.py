@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import polars as pl
 
-from hrclog.diagnostic import Diagnostic
 from hrclog.ids import derived_id
 from hrclog.log.splits import Part, chains, part_of
 from hrclog.wording import counted
 
-if TYPE_CHECKING:
-    from hrclog.log.reader import Logs
-
-CODE: Final = "no_run_id"
-
 _NAMELESS: Final = pl.col("run_id") == ""
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """What becomes of a file of a recording: new names of runs by the old, and what there is to say, "" for nothing."""
+
+    names: Mapping[str, str]
+    text: str
 
 
 def name_runs(pieces: Sequence[tuple[Path, pl.DataFrame]], log: Path) -> tuple[list[pl.DataFrame], list[str]]:
@@ -43,52 +45,35 @@ def name_runs(pieces: Sequence[tuple[Path, pl.DataFrame]], log: Path) -> tuple[l
         for part in recording
     }
     texts = [_text(sum(nameless[part.path].height for part in recording), recording) for recording in recordings]
-    return [_named(events, {"": ids.get(path, "")}) for path, events in pieces], texts
+    return [named(events, {"": ids.get(path, "")}) for path, events in pieces], texts
 
 
-def joined_splits(parts: Sequence[Logs]) -> list[Logs]:
-    """Make one run of files beside each other whose events name none and go on from file to file."""
-    folders: dict[Path, list[Logs]] = defaultdict(list)
-    for part in parts:
-        if any(finding.code == CODE for finding in part.diagnostics) and not part.paths[0].is_dir():
-            folders[part.paths[0].absolute().parent].append(part)
-    changed: dict[Path, Logs] = {}
-    for beside in folders.values():
-        if len(beside) > 1:
-            changed |= _joined(beside)
-    return [changed.get(part.paths[0], part) for part in parts]
+def joined_splits(files: Mapping[Path, pl.DataFrame]) -> dict[Path, Joined]:
+    """Find the files beside each other whose events name no run and go on from file to file.
+
+    Args:
+        files: files with such events, and their events with the runs that `name_runs` gave.
+    """
+    folders: dict[Path, list[Part]] = defaultdict(list)
+    counts: dict[Path, int] = {}
+    for path, events in files.items():
+        nameless = events.filter(pl.col("run_id") == _file_run_id(path))
+        if nameless.height:
+            folders[path.absolute().parent].append(part_of(path, nameless))
+            counts[path] = nameless.height
+    joined: dict[Path, Joined] = {}
+    for recording in (recording for parts in folders.values() for recording in chains(parts, one_bag=False)):
+        if len(recording) > 1:
+            first = recording[0].path
+            text = _text(sum(counts[part.path] for part in recording), recording)
+            for part in recording:
+                names = {_file_run_id(part.path): _file_run_id(first)}
+                joined[part.path] = Joined(names, text if part.path == first else "")
+    return joined
 
 
-def _joined(beside: Sequence[Logs]) -> dict[Path, Logs]:
-    """Return the logs of one folder that are parts of a recording, by their path."""
-    logs = {part.paths[0]: part for part in beside}
-    events = {path: part.events.filter(pl.col("run_id") == _file_run_id(path)) for path, part in logs.items()}
-    changed: dict[Path, Logs] = {}
-    for recording in chains([part_of(path, frame) for path, frame in events.items()], one_bag=False):
-        if len(recording) < 2:
-            continue
-        first = recording[0].path
-        text = _text(sum(events[part.path].height for part in recording), recording)
-        for part in recording:
-            log = logs[part.path]
-            findings = [finding for finding in log.diagnostics if finding.code != CODE]
-            findings += [Diagnostic(CODE, text, str(first))] if part.path == first else []
-            changed[part.path] = _renamed(log, {_file_run_id(part.path): _file_run_id(first)}, findings)
-    return changed
-
-
-def _renamed(log: Logs, names: Mapping[str, str], findings: list[Diagnostic]) -> Logs:
-    scene = replace(
-        log.scene,
-        scenes={names.get(run, run): part for run, part in log.scene.scenes.items()},
-        descriptions={(names.get(run, run), agent): text for (run, agent), text in log.scene.descriptions.items()},
-        poses=_named(log.scene.poses, names),
-    )
-    events, signals = _named(log.events, names), _named(log.signals, names)
-    return replace(log, events=events, signals=signals, scene=scene, diagnostics=findings)
-
-
-def _named(frame: pl.DataFrame, names: Mapping[str, str]) -> pl.DataFrame:
+def named(frame: pl.DataFrame, names: Mapping[str, str]) -> pl.DataFrame:
+    """Return a frame with other names of runs."""
     return frame.with_columns(pl.col("run_id").replace(names))
 
 

@@ -19,24 +19,25 @@ def without_compression(part: Batch) -> Batch:
     is_packed = _is_packed(part)
     if not is_packed.any():
         return part
-    limit = bound(len(part.data))
+    left = bound(len(part.data))
     messages: list[bytes] = []
-    n_bytes = 0
     for packed, start, end in zip(is_packed.tolist(), part.start.tolist(), part.end.tolist(), strict=True):
         data = part.data[start:end]
-        messages.append(_unpacked(data, limit - n_bytes) if packed else data)
-        n_bytes += len(messages[-1])
+        unpacked = _unpacked(data, left) if packed and left else data
+        left = max(left - len(unpacked), 0) if unpacked is not None else 0  # a bomb: no further one is touched
+        messages.append(data if unpacked is None else unpacked)
     ends = np.cumsum([len(data) for data in messages])
     starts = ends - [len(data) for data in messages]
     data = b"".join(messages)
     return Batch(data, part.channel, part.sequence, part.log_time, part.publish_time, starts, ends)
 
 
-def _unpacked(data: bytes, limit: int) -> bytes:
+def _unpacked(data: bytes, limit: int) -> bytes | None:
+    """Return a message unpacked, as it is where that fails, or None where it is larger than the limit."""
     try:
         unpacked = unpack(data, Format.ZSTD, limit)
     except TooLargeError:
-        return data
+        return None
     return data if unpacked.trouble else unpacked.data
 
 

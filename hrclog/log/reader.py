@@ -27,8 +27,7 @@ from hrclog.log.formats import HEAD_BYTES, Format, foreign_error
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
 from hrclog.log.message import EVENTS
-from hrclog.log.nameless_runs import CODE as NO_RUN_ID
-from hrclog.log.nameless_runs import joined_splits, name_runs
+from hrclog.log.nameless_runs import Joined, joined_splits, name_runs, named
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
 from hrclog.log.signals import SIGNAL_COLUMNS, merged_samples
@@ -137,16 +136,16 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     else:
         decoded = {path: _decode_file(path, complain, {}, signals=signals)}
     pieces = [(part, pl.concat([EVENT_COLUMNS.to_frame(), *content.events])) for part, content in decoded.items()]
-    named, texts = name_runs(pieces, path)
+    frames, texts = name_runs(pieces, path)
     for text in texts:
-        complain(NO_RUN_ID, text, None)
-    events = pl.concat(named).with_columns(pl.lit(str(path)).alias("path"))
+        complain("no_run_id", text, None)
+    events = pl.concat(frames).with_columns(pl.lit(str(path)).alias("path"))
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         topics = sum((content.topics for content in decoded.values()), Counter[tuple[str, str]]())
         complain("no_events", f"the log carries no task events; {_topics_text(topics)}", None)
     samples: list[pl.DataFrame] = []
     scenes: list[RecordedScene] = []
-    for content, own_events in zip(decoded.values(), named, strict=True):
+    for content, own_events in zip(decoded.values(), frames, strict=True):
         run_id = _only_run(own_events) or _only_run(events)
         frame = pl.concat([SIGNAL_COLUMNS.to_frame(), *content.signals])
         samples.append(frame if run_id is None else frame.with_columns(pl.lit(run_id).alias("run_id")))
@@ -247,9 +246,33 @@ def _read_mcap(path: Path, data: bytes, wanted: Wanted) -> Contents:
     return contents
 
 
+def _join_splits(parts: list[Logs]) -> list[Logs]:
+    """Make one run of files that a recording without run ids was split into."""
+    nameless = {
+        part.paths[0]: part.events
+        for part in parts
+        if any(diagnostic.code == "no_run_id" for diagnostic in part.diagnostics) and not is_bag(part.paths[0])
+    }
+    joined = joined_splits(nameless)
+    return [_renamed(part, joined[part.paths[0]]) if part.paths[0] in joined else part for part in parts]
+
+
+def _renamed(log: Logs, joined: Joined) -> Logs:
+    names = joined.names
+    scene = RecordedScene(
+        {names.get(run, run): part for run, part in log.scene.scenes.items()},
+        {(names.get(run, run), agent): text for (run, agent), text in log.scene.descriptions.items()},
+        named(log.scene.poses, names),
+    )
+    diagnostics = [diagnostic for diagnostic in log.diagnostics if diagnostic.code != "no_run_id"]
+    if joined.text:
+        diagnostics.append(Diagnostic("no_run_id", joined.text, str(log.paths[0])))
+    return Logs(named(log.events, names), named(log.signals, names), diagnostics, log.paths, scene)
+
+
 def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
     # the result does not depend on the order of the arguments
-    parts = joined_splits(sorted(parts, key=lambda part: part.paths))
+    parts = _join_splits(sorted(parts, key=lambda part: part.paths))
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
     diagnostics += [
         Diagnostic("unreadable_file", failure.reason, str(failure.path))
