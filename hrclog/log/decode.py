@@ -28,6 +28,7 @@ from hrclog.wording import counted
 
 EVENT_COLUMNS: Final = pl.Schema({name: EVENTS[name] for name in (*COLUMNS, "log_time_ns")})
 
+_NO_EVENTS: Final = EVENT_COLUMNS.to_frame()
 _SIGNAL_TYPES: Final = (channels.FLOAT_TYPE, channels.JOINTS_TYPE)
 _SCENE_TYPES: Final = (channels.STRING_TYPE, channels.POSE_TYPE)
 
@@ -39,7 +40,7 @@ _Fail = Callable[..., None]
 
 @dataclass(slots=True)
 class Decoded:
-    """Frames of one file, in pieces, and its (topic, type)s with how many messages there are of each."""
+    """Frames of one file, in pieces; without events also its (topic, type)s and how many messages there are of each."""
 
     events: list[pl.DataFrame] = field(default_factory=list)
     signals: list[pl.DataFrame] = field(default_factory=list)
@@ -65,7 +66,7 @@ def is_wanted(channel: Channel, schema: Schema | None) -> bool:
 
 def decode_contents(contents: Contents, complain: Complain, *, signals: bool) -> Decoded:
     """Decode the events and, if wanted, signals and scene of a file."""
-    decoded = Decoded(topics=contents.topics())
+    decoded = Decoded()
     failures = Failures()
     decoders = _event_decoders(contents, failures, complain)
     undeclared: dict[int, tuple[int, int]] = {}
@@ -84,6 +85,8 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
         text = f"{counted(count, 'message is', 'messages are')} on channel {channel_id}"
         complain("corrupt_data", f"{text}, which is not declared; the first has log time {log_time} ns", None)
     failures.report(complain)
+    if not any(frame.height for frame in decoded.events):
+        decoded.topics = contents.topics()
     return decoded
 
 
@@ -199,7 +202,7 @@ def _general_events(part: Batch, decode: _Decode, fail: _Fail) -> pl.DataFrame:
 
 def frame_of_rows(rows: list[dict[str, Any]]) -> pl.DataFrame:
     """Return flat event rows (with `log_time_ns`) as a frame."""
-    return pl.DataFrame(rows, schema=EVENT_COLUMNS, orient="row")
+    return pl.DataFrame(rows, schema=EVENT_COLUMNS, orient="row") if rows else _NO_EVENTS
 
 
 def _row(decoded: Any) -> dict[str, Any]:  # noqa: ANN401 - a mapping or a generated message class

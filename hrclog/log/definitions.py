@@ -34,7 +34,7 @@ class Definition:
     @property
     def is_empty(self) -> bool:
         """Return whether it defines nothing: the recorder did not find the type."""
-        return not any(_fields(self.text)) if self.language != IDL else not self.text.strip()
+        return not self.text.strip() or (self.language != IDL and not _fields(self.text))
 
     @property
     def is_our_layout(self) -> bool:
@@ -76,6 +76,7 @@ def fields_of(decoded: Any, names: Sequence[str]) -> Mapping[str, Any]:  # noqa:
     return {name: getattr(decoded, name) for name in names if hasattr(decoded, name)}
 
 
+@lru_cache(maxsize=8)
 def _fields(definition: str) -> list[tuple[str, ...]]:
     main = definition.split(_SEPARATOR, maxsplit=1)[0]  # types that it uses follow
     lines = (line.split("#", maxsplit=1)[0].split() for line in main.splitlines())

@@ -15,10 +15,14 @@ _SIZE: Final = len(ZSTD_MAGIC)
 
 
 def without_compression(part: Batch) -> Batch:
-    """Return messages with those unpacked that are compressed; one that cannot be unpacked stays as it is."""
-    is_packed = _is_packed(part)
-    if not is_packed.any():
+    """Return messages with those unpacked that are compressed; one that cannot be unpacked stays as it is.
+
+    Args:
+        part: messages of one channel, whose recorder compressed all or none of them; at least one.
+    """
+    if not any(part.data.startswith(ZSTD_MAGIC, part.start[at]) for at in (0, -1)):
         return part
+    is_packed = _is_packed(part)
     left = bound(len(part.data))
     messages: list[bytes] = []
     for packed, start, end in zip(is_packed.tolist(), part.start.tolist(), part.end.tolist(), strict=True):

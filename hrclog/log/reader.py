@@ -135,11 +135,11 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         decoded = _decode_bag(path, diagnostics, signals=signals)
     else:
         decoded = {path: _decode_file(path, complain, {}, signals=signals)}
-    pieces = [(part, pl.concat([EVENT_COLUMNS.to_frame(), *content.events])) for part, content in decoded.items()]
+    pieces = [(part, _stacked(content.events, EVENT_COLUMNS)) for part, content in decoded.items()]
     frames, texts = name_runs(pieces, path)
     for text in texts:
         complain("no_run_id", text, None)
-    events = pl.concat(frames).with_columns(pl.lit(str(path)).alias("path"))
+    events = _stacked(frames, EVENT_COLUMNS).with_columns(pl.lit(str(path)).alias("path"))
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         topics = sum((content.topics for content in decoded.values()), Counter[tuple[str, str]]())
         complain("no_events", f"the log carries no task events; {_topics_text(topics)}", None)
@@ -147,11 +147,13 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     scenes: list[RecordedScene] = []
     for content, own_events in zip(decoded.values(), frames, strict=True):
         run_id = _only_run(own_events) or _only_run(events)
-        frame = pl.concat([SIGNAL_COLUMNS.to_frame(), *content.signals])
-        samples.append(frame if run_id is None else frame.with_columns(pl.lit(run_id).alias("run_id")))
+        frame = _stacked(content.signals, SIGNAL_COLUMNS)
+        samples.append(
+            frame if run_id is None or frame.is_empty() else frame.with_columns(pl.lit(run_id).alias("run_id"))
+        )
         scenes.append(recorded_scene(content.scene, run_id, lambda text: complain("invalid_scene", text, None)))
     scene = scenes[0] if len(scenes) == 1 else merged(scenes)
-    return Logs(events, pl.concat(samples), diagnostics, [path], scene)
+    return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene)
 
 
 def _complaints(path: Path, diagnostics: list[Diagnostic]) -> Complain:
@@ -161,6 +163,12 @@ def _complaints(path: Path, diagnostics: list[Diagnostic]) -> Complain:
         diagnostics.append(Diagnostic(code, text, str(path), offset=offset))
 
     return complain
+
+
+def _stacked(frames: list[pl.DataFrame], schema: pl.Schema) -> pl.DataFrame:
+    if len(frames) == 1:
+        return frames[0]
+    return pl.concat(frames) if frames else schema.to_frame()
 
 
 def _only_run(events: pl.DataFrame) -> str | None:
