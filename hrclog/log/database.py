@@ -89,6 +89,8 @@ def _declare(database: sqlite3.Connection, contents: Contents, path: Path) -> No
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         definitions = {str(name): (str(encoding), str(text)) for name, encoding, text in database.execute(query)}
     for topic_id, name, kind, encoding in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+        if not isinstance(topic_id, int):
+            continue
         language, text = definitions.get(str(kind), ("", ""))
         contents.schemas[topic_id] = Schema(id=topic_id, name=str(kind), encoding=language, data=text.encode())
         contents.channels[topic_id] = Channel(topic_id, str(name), str(encoding), {}, topic_id)

@@ -10,7 +10,7 @@ import sqlite3
 import struct
 import tracemalloc
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -528,6 +528,34 @@ def test_a_ros_1_bag_of_another_version_is_named(tmp_path: Path) -> None:
         read_logs(path)
 
 
+# any damage
+
+
+WRITERS: dict[str, Callable[[Path], Path]] = {
+    "SQLite": lambda folder: write_database(folder / "bag", RUN),
+    "ROS 1": lambda folder: write_ros1(folder / "run.bag", RUN, Writer1.CompressionFormat.BZ2),
+    "MCAP": lambda folder: write_part(folder / "bag" / "run.mcap", RUN),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@settings(max_examples=40)
+@given(st.data())
+def test_no_damage_raises_anything_but_a_typed_error(tmp_path: Path, name: str, data: st.DataObject) -> None:
+    folder = tmp_path / "source"
+    if not folder.exists():
+        folder.mkdir()
+        shutil.copyfile(WRITERS[name](folder), tmp_path / "sound")
+    content = bytearray((tmp_path / "sound").read_bytes())
+    for _ in range(data.draw(st.integers(1, 3))):
+        begin = data.draw(st.integers(0, len(content) - 1))
+        content[begin : begin + data.draw(st.integers(0, 100))] = data.draw(st.binary(max_size=100))
+    path = tmp_path / "damaged"
+    path.write_bytes(content)
+    with suppress(LogReadError):
+        read_logs(path, signals=True)
+
+
 # recordings without run ids
 
 
@@ -593,6 +621,12 @@ def test_the_parts_of_a_bag_are_one_run_until_a_run_begins_anew(tmp_path: Path) 
     logs = read_logs(write_bag(tmp_path / "bag", first[:6], first[6:], second[:5], second[5:]))
     assert codes(logs) == ["no_run_id"] * 2
     assert sorted(logs.events.group_by("run_id").len()["len"]) == [len(first), len(second)]
+
+
+def test_a_run_begins_anew_in_a_bag_also_where_events_carry_no_numbers(tmp_path: Path) -> None:
+    first, second = ([replace(event, seq=0) for event in nameless(recording(begin=T0 + i))] for i in (0, 10**10))
+    logs = read_logs(write_bag(tmp_path / "bag", first, second))
+    assert logs.events["run_id"].n_unique() == 2
 
 
 def test_a_part_without_events_gives_its_signals_to_the_run_of_the_bag(tmp_path: Path) -> None:
