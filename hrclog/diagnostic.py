@@ -11,6 +11,7 @@ Severity = Literal["error", "warning", "info"]
 CODES: Final[dict[str, tuple[Severity, str]]] = {
     # data that was lost or skipped
     "unreadable_file": ("error", "a file could not be read; the other files were"),
+    "missing_part": ("error", "a bag lists a part that is not there"),
     "no_header": ("error", "the file ends before its header, so it holds 0 events"),
     "truncated": ("error", "the file ends inside a record, whose bytes were ignored"),
     "corrupt_data": ("error", "bytes that are no valid record, or fail their checksum, were skipped"),
@@ -45,10 +46,14 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "impossible_factor": ("warning", "an estimator gave a factor of 0 or less: the data do not support a factor there"),
     "unread_logs": ("warning", "logs lie beside or below those that were given, and were not read"),
     "single_outcome": ("warning", "every execution succeeded: failures may have been removed (survivorship)"),
-    "no_run_id": ("warning", "events name no run; they are taken as one run of that file"),
+    "no_run_id": (
+        "warning",
+        "events name no run; they are taken as one run of their file, or of files that go on from it",
+    ),
     "time_not_monotonic": ("warning", "times run backwards against the order of writing; the times were believed"),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
+    "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),

@@ -1,109 +1,85 @@
-"""ROS 2 bags (a folder, mcap or sqlite3) and ROS 1 bags that carry the event topic, through rosbags."""
+"""Which files make up a ROS 2 bag: a folder of parts with `metadata.yaml`, which is a hint and nothing more.
+
+Recorders that are killed leave it out, empty or torn; copies lose parts; newer versions write what this one does not
+know. So the parts are the logs in the folder, and all that is taken from the file are names that are missing there.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
 
 from hrclog.errors import LogReadError
-from hrclog.log import channels, message
+from hrclog.log.discover import BAG_METADATA, COMPRESSIONS, is_log_name, plain_name
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
-
-    from rosbags.interfaces import Connection
-    from rosbags.typesys.store import Typestore
-
-_OUR_TYPES: Final = (
-    message.TYPE_NAME,
-    channels.FLOAT_TYPE,
-    channels.JOINTS_TYPE,
-    channels.POSE_TYPE,
-    channels.STRING_TYPE,
-)
+_MOST_BYTES: Final = 1 << 20
+_LIST: Final = re.compile(r"^\s*relative_file_paths\s*:\s*(\[[^\]]*\])?[^\S\n]*$", re.MULTILINE)
+_ITEM: Final = re.compile(r"\s*-\s+(\S.*?)\s*\n")
+_QUOTES: Final = "'\""
 
 
-@dataclass(slots=True)
-class BagTopic:
-    """The raw messages of one topic of a bag; `decode` turns one into an object with the type's fields."""
+@dataclass(frozen=True, slots=True)
+class Bag:
+    """The parts of a bag in the order of their numbers, and the names of parts that are listed and not there."""
 
-    topic: str
-    type_name: str
-    definition: str
-    cdr: bool
-    decode: Callable[[bytes], Any]
-    times_ns: list[int] = field(default_factory=list)
-    messages: list[bytes] = field(default_factory=list)
+    parts: list[Path]
+    missing: list[str]
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether a path is a ROS 1 bag file or a ROS 2 bag folder."""
-    return path.is_dir() or path.suffix == ".bag"
+    """Return whether a path is a ROS 2 bag folder."""
+    return path.is_dir()
 
 
-def read_bag(path: Path) -> list[BagTopic]:
-    """Return the topics of a bag that hrclog understands.
-
-    Raises:
-        LogReadError: the bag cannot be opened, or breaks off.
-    """
-    from rosbags.highlevel import AnyReader
-
-    topics: dict[int, BagTopic] = {}
-    try:
-        with AnyReader([path], default_typestore=_store(message.TYPE_NAME, message.DEFINITION)) as reader:
-            connections = [connection for connection in reader.connections if _is_event_or_signal(connection)]
-            if not connections:  # rosbags would take an empty list for all
-                return []
-            topics = {
-                connection.id: _topic(connection, reader.typestore, cdr=path.is_dir()) for connection in connections
-            }
-            for connection, time_ns, raw in reader.messages(connections):
-                topic = topics[connection.id]
-                topic.times_ns.append(time_ns)
-                topic.messages.append(bytes(raw))
-    except Exception as error:
-        raise LogReadError(path, f"a bag that cannot be read ({error})", "a ROS 1 or ROS 2 bag") from error
-    return list(topics.values())
-
-
-def definition_decoder(type_name: str, definition: str) -> Callable[[bytes], Any]:
-    """Return a decoder of CDR messages whose layout differs from ours.
+def open_bag(folder: Path) -> Bag:
+    """Find the parts of a bag.
 
     Raises:
-        ValueError: the definition cannot be parsed.
+        LogReadError: there is none, or the folder cannot be opened.
     """
     try:
-        store = _store(type_name, definition)
-    except Exception as error:
-        raise ValueError(f"the definition of {type_name} cannot be parsed ({error})") from error
-    return lambda raw: store.deserialize_cdr(raw, type_name)
+        names = {path.name for path in folder.iterdir() if path.is_file()}
+    except OSError as error:
+        raise LogReadError(folder, f"a folder that cannot be opened ({error.strerror})", "a ROS 2 bag") from error
+    listed = _listed(folder / BAG_METADATA)
+    parts = {name for name in names if is_log_name(name)} | (names & set(listed))
+    missing = [name for name in listed if not names & _spellings(name)]
+    if not parts:
+        content = f"a folder with {BAG_METADATA} and no part of a bag"
+        lost = f" (it lists {', '.join(missing)})" if missing else ""
+        raise LogReadError(folder, content + lost, "files of mcap, db3 or bag beside it", "copy the parts there too")
+    return Bag([folder / name for name in sorted(parts, key=_natural)], missing)
 
 
-def fields_of(decoded: Any, names: Sequence[str]) -> Mapping[str, Any]:  # noqa: ANN401 - a generated message class
-    """Return those fields of a decoded message that exist."""
-    return {name: getattr(decoded, name) for name in names if hasattr(decoded, name)}
+def _listed(metadata: Path) -> list[str]:
+    """Return the names of the parts that a bag's metadata lists, as far as they can be read."""
+    try:
+        with metadata.open("rb") as stream:
+            text = stream.read(_MOST_BYTES).decode(errors="replace")
+    except OSError:
+        return []
+    match = _LIST.search(text)
+    if match is None:
+        return []
+    if match.group(1):
+        items = match.group(1)[1:-1].split(",")
+    else:
+        items = []
+        position = match.end() + 1
+        while item := _ITEM.match(text, position):  # a last line without its end may be torn
+            items.append(item.group(1))
+            position = item.end()
+    names = (PurePosixPath(item.strip().strip(_QUOTES)).name for item in items)
+    return list(dict.fromkeys(name for name in names if name))
 
 
-@lru_cache(maxsize=8)
-def _store(type_name: str, definition: str) -> Typestore:
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    store.register(get_types_from_msg(definition, type_name))
-    return store
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Return a key that sorts b_2 before b_10."""
+    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"([0-9]+)", name)]
 
 
-def _is_event_or_signal(connection: Connection) -> bool:
-    named = connection.topic.startswith("/hrc/") or connection.msgtype == message.TYPE_NAME
-    return named and connection.msgtype in _OUR_TYPES
-
-
-def _topic(connection: Connection, store: Typestore, *, cdr: bool) -> BagTopic:
-    """Return a topic without its messages; a bag that carries no definitions is taken to hold our own."""
-    name = connection.msgtype
-    definition = connection.msgdef.data or (message.DEFINITION if name == message.TYPE_NAME else "")
-    decode = store.deserialize_cdr if cdr else store.deserialize_ros1
-    return BagTopic(connection.topic, name, definition, cdr, lambda raw: decode(raw, name))
+def _spellings(name: str) -> set[str]:
+    """Return under which names a listed part may lie there: compressed, or no longer so."""
+    return {name, plain_name(name), *(name + ending for ending in COMPRESSIONS)}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -58,9 +60,22 @@ def _join(batches: list[Batch]) -> Batch:
     return Batch(data, *(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
 
 
+def batch_of(
+    channel_ids: Sequence[int], sequences: Sequence[int], times_ns: Sequence[int], messages: Sequence[bytes]
+) -> Batch:
+    """Return messages that were read one by one as a batch; they were published when they were logged."""
+    channel, sequence, times = (np.array(numbers, np.int64) for numbers in (channel_ids, sequences, times_ns))
+    sizes = np.array([len(data) for data in messages], np.int64)
+    ends = np.cumsum(sizes)
+    return Batch(b"".join(messages), channel, sequence, times, times, ends - sizes, ends)
+
+
 @dataclass(slots=True)
 class Contents:
-    """What a file holds."""
+    """What a file holds.
+
+    `counts` has the messages of each channel, also of those that were not read, where the file says or tells them.
+    """
 
     header: Header | None = None
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -69,6 +84,16 @@ class Contents:
     batches: list[Batch] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
     finished: bool = False
+    counts: Mapping[int, int] = field(default_factory=dict)
+
+    def topics(self) -> Counter[tuple[str, str]]:
+        """Return how many messages there are of each (topic, type)."""
+        counts = self.counts or Counter(chain.from_iterable(batch.channel.tolist() for batch in self.batches))
+        topics: Counter[tuple[str, str]] = Counter()
+        for channel in self.channels.values():
+            schema = self.schemas.get(channel.schema_id)
+            topics[channel.topic, schema.name if schema is not None else ""] += counts.get(channel.id, 0)
+        return topics
 
     def keep(self, data: bytes, record: Record) -> None:
         """Take in a header, schema, channel or metadata record; the first one that declares an id counts.

@@ -11,7 +11,8 @@ from typing import Final
 from hrclog.log.files import exists
 from hrclog.wording import agree, counted
 
-LOG_PATTERNS: Final = ("*.mcap", "*.mcap.partial", "*.bag")
+COMPRESSIONS: Final = (".zstd", ".zst", ".gz")
+_LOG_ENDINGS: Final = (".mcap", ".mcap.partial", ".db3", ".bag", ".bag.active")
 BAG_METADATA: Final = "metadata.yaml"
 
 
@@ -26,6 +27,16 @@ def find_logs(arguments: Iterable[str | Path]) -> list[Path]:
         for candidate in _expand(argument):
             paths.update(dict.fromkeys(_logs_at(candidate)))
     return list(paths)
+
+
+def plain_name(name: str) -> str:
+    """Return the name of a file before it was compressed."""
+    return next((name.removesuffix(ending) for ending in COMPRESSIONS if name.endswith(ending)), name)
+
+
+def is_log_name(name: str) -> bool:
+    """Return whether a folder's file of that name is taken for a log, or a part of a bag."""
+    return plain_name(name).endswith(_LOG_ENDINGS) and not name.startswith("._")  # what macOS leaves beside copies
 
 
 def unread_logs(arguments: Iterable[str | Path], found: Iterable[Path]) -> list[tuple[Path, str]]:
@@ -53,7 +64,7 @@ def unread_logs(arguments: Iterable[str | Path], found: Iterable[Path]) -> list[
 def _logs_below(folder: Path) -> set[Path]:
     if not exists(folder) or not folder.is_dir() or (folder / BAG_METADATA).exists():
         return set()
-    paths = (path for pattern in LOG_PATTERNS for path in folder.glob(f"*/{pattern}"))
+    paths = (path for path in folder.glob("*/*") if is_log_name(path.name))
     return {path.absolute() for path in paths if not (path.parent / BAG_METADATA).exists()}
 
 
@@ -67,6 +78,6 @@ def _expand(argument: str | Path) -> list[Path]:
 def _logs_at(path: Path) -> list[Path]:
     if not exists(path) or not path.is_dir() or (path / BAG_METADATA).exists():
         return [path]
-    files = {match for pattern in LOG_PATTERNS for match in path.glob(pattern) if match.is_file()}
+    files = {match for match in path.glob("*") if is_log_name(match.name) and match.is_file()}
     bags = {folder.parent for folder in path.glob(f"*/{BAG_METADATA}")}
     return sorted(files | bags)

@@ -53,6 +53,7 @@ def read_indexed(data: bytes, wanted: Wanted | None = None) -> Contents:
     contents, statistics = summary.contents, summary.statistics
     if statistics is None or not _declares_all(contents, statistics):
         raise ValueError("the summary has no statistics, or does not repeat all declarations")
+    contents.counts = statistics.channel_message_counts
     ids = {
         channel.id
         for channel in contents.channels.values()

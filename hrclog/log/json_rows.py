@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -15,6 +16,17 @@ _DEFAULTS: Final[dict[str, Any]] = (
     | dict.fromkeys((*INT_COLUMNS, *FLOAT_COLUMNS))
     | dict.fromkeys(STRING_COLUMNS, "")
 )
+_INTEGER: Final = re.compile(r"[+-]?[0-9]{1,19}")
+_UNSET: Final = -(2**63)
+
+
+def _camel_case(name: str) -> str:
+    first, *others = name.split("_")
+    return first + "".join(word.capitalize() for word in others)
+
+
+_OF_CAMEL_CASE: Final = {_camel_case(name): name for name in COLUMNS if "_" in name}
+"""Column by the name that proto3 JSON gives it."""
 
 
 def parse_object(text: str | bytes) -> dict[str, Any]:
@@ -30,6 +42,34 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InvalidEventError(f"found a JSON {type(value).__name__}, expected one object per event")
     return value
+
+
+def row_from_proto3(value: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the flat event row of a JSON object whose numbers may be texts and whose names may be in camelCase.
+
+    That is how proto3 JSON writes messages: numbers of 64 bits and NaN are texts there.
+
+    Raises:
+        InvalidEventError: as `row_from_object`.
+    """
+    if not _OF_CAMEL_CASE.keys().isdisjoint(value):
+        value = {_OF_CAMEL_CASE.get(name, name): field_value for name, field_value in value.items()}
+    texts = [name for name in (*_COUNTERS, *INT_COLUMNS, *FLOAT_COLUMNS) if isinstance(value.get(name), str)]
+    return row_from_object({**value, **{name: _number(name, value[name]) for name in texts}} if texts else value)
+
+
+def _number(name: str, text: str) -> float | str | None:
+    """Return the number that a text holds, None where it stands for unset, and the text itself if it is none."""
+    if name not in FLOAT_COLUMNS:
+        if not _INTEGER.fullmatch(text):
+            return text
+        number = int(text)
+        return None if number == _UNSET else number
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    return None if value != value else value  # noqa: PLR0124 - NaN
 
 
 def row_from_object(value: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,8 @@ diagnostic, and one bad file never hides the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -15,33 +16,28 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
-from hrclog.ids import derived_id
-from hrclog.log.bags import is_bag, read_bag
+from hrclog.log.bags import is_bag, open_bag
 from hrclog.log.checks import check_events, usable, without_copies
-from hrclog.log.contents import Contents
-from hrclog.log.decode import (
-    EVENT_COLUMNS,
-    Complain,
-    Decoded,
-    decode_contents,
-    decode_topics,
-    is_event_channel,
-    is_wanted,
-)
-from hrclog.log.discover import find_logs, unread_logs
+from hrclog.log.contents import Contents, Wanted
+from hrclog.log.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
+from hrclog.log.discover import BAG_METADATA, find_logs, plain_name, unread_logs
+from hrclog.log.failures import Complain
 from hrclog.log.files import exists
+from hrclog.log.formats import HEAD_BYTES, Format, foreign_error
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
 from hrclog.log.message import EVENTS
+from hrclog.log.nameless_runs import Joined, joined_splits, name_runs, named
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
 from hrclog.log.signals import SIGNAL_COLUMNS, merged_samples
+from hrclog.log.unpack import load
 from hrclog.wording import counted
 
 ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
 
-_SQLITE: Final = b"SQLite format 3\x00"
+_MOST_TOPICS: Final = 20  # that a message lists
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,85 +126,161 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         LogReadError: it is missing, cannot be opened, or is no event log at all.
     """
     diagnostics: list[Diagnostic] = []
-
-    def complain(code: str, text: str, offset: int | None = None) -> None:
-        diagnostics.append(Diagnostic(code, text, str(path), offset=offset))
-
+    complain = _complaints(path, diagnostics)
     if not exists(path):
         journal = journal_path(path)
         remedy = f"its recorder was killed: hrclog recover {journal}" if exists(journal) else "check the path"
         raise LogReadError(path, "nothing", "an event log", remedy)
     if is_bag(path):
-        decoded = decode_topics(read_bag(path), complain, signals=signals)
+        decoded = _decode_bag(path, diagnostics, signals=signals)
     else:
-        decoded = _decode_mcap(path, complain, signals=signals)
-    events = pl.concat(decoded.events) if decoded.events else pl.DataFrame(schema=EVENT_COLUMNS)
-    events = events.with_columns(pl.lit(str(path)).alias("path"))
-    events = _name_runs(events, path, complain)
+        decoded = {path: _decode_file(path, complain, {}, signals=signals)}
+    pieces = [(part, _stacked(content.events, EVENT_COLUMNS)) for part, content in decoded.items()]
+    frames, texts = name_runs(pieces, path)
+    for text in texts:
+        complain("no_run_id", text, None)
+    events = _stacked(frames, EVENT_COLUMNS).with_columns(pl.lit(str(path)).alias("path"))
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
-        complain("no_events", "the log carries no task events on /hrc/events")
-    samples = pl.concat(decoded.signals) if decoded.signals else pl.DataFrame(schema=SIGNAL_COLUMNS)
-    only_run = str(events["run_id"][0]) if events["run_id"].n_unique() == 1 else None
-    if only_run is not None:
-        samples = samples.with_columns(pl.lit(only_run).alias("run_id"))
-    scene = recorded_scene(decoded.scene, only_run, lambda text: complain("invalid_scene", text))
-    return Logs(events, samples, diagnostics, [path], scene)
+        topics = sum((content.topics for content in decoded.values()), Counter[tuple[str, str]]())
+        complain("no_events", f"the log carries no task events; {_topics_text(topics)}", None)
+    samples: list[pl.DataFrame] = []
+    scenes: list[RecordedScene] = []
+    for content, own_events in zip(decoded.values(), frames, strict=True):
+        run_id = _only_run(own_events) or _only_run(events)
+        frame = _stacked(content.signals, SIGNAL_COLUMNS)
+        samples.append(
+            frame if run_id is None or frame.is_empty() else frame.with_columns(pl.lit(run_id).alias("run_id"))
+        )
+        scenes.append(recorded_scene(content.scene, run_id, lambda text: complain("invalid_scene", text, None)))
+    scene = scenes[0] if len(scenes) == 1 else merged(scenes)
+    return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene)
 
 
-def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
-    contents = _read_mcap(path, signals=signals)
+def _complaints(path: Path, diagnostics: list[Diagnostic]) -> Complain:
+    """Return what takes complaints about a file into a list."""
+
+    def complain(code: str, text: str, offset: int | None) -> None:
+        diagnostics.append(Diagnostic(code, text, str(path), offset=offset))
+
+    return complain
+
+
+def _stacked(frames: list[pl.DataFrame], schema: pl.Schema) -> pl.DataFrame:
+    if len(frames) == 1:
+        return frames[0]
+    return pl.concat(frames) if frames else schema.to_frame()
+
+
+def _only_run(events: pl.DataFrame) -> str | None:
+    return str(events["run_id"][0]) if events["run_id"].n_unique() == 1 else None
+
+
+def _topics_text(topics: Mapping[tuple[str, str], int]) -> str:
+    listed = [
+        f"{topic} ({kind or 'no type'}, {counted(count, 'message')})"
+        for (topic, kind), count in sorted(topics.items())[:_MOST_TOPICS]
+    ]
+    if not listed:
+        return "it has no topics"
+    others = len(topics) - len(listed)
+    return f"it has {', '.join(listed)}{f' and {others} more topics' if others else ''}"
+
+
+def _decode_bag(folder: Path, diagnostics: list[Diagnostic], *, signals: bool) -> dict[Path, Decoded]:
+    """Decode the parts of a ROS 2 bag, each by itself: a bad one costs only itself."""
+    bag = open_bag(folder)
+    diagnostics += [
+        Diagnostic("missing_part", f"{BAG_METADATA} lists this file, which is not there", str(folder / name))
+        for name in bag.missing
+    ]
+    decoded: dict[Path, Decoded] = {}
+    failures: list[LogReadError] = []
+    numbering: dict[str, int] = {}
+    for part in bag.parts:
+        try:
+            decoded[part] = _decode_file(part, _complaints(part, diagnostics), numbering, signals=signals)
+        except LogReadError as error:
+            size = counted(part.stat().st_size, "byte was", "bytes were")
+            text = f"{error.reason}; none of its {size} read"
+            diagnostics.append(Diagnostic("unreadable_file", text, str(part)))
+            failures.append(error)
+    if not decoded:
+        description = f"a bag none of whose {counted(len(failures), 'part')} can be read, the first: {failures[0]}"
+        raise LogReadError(folder, description, "at least one part that can")
+    return decoded
+
+
+def _decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, signals: bool) -> Decoded:
+    """Decode one file, by what it is and not by its name."""
+    if not path.is_file():
+        raise LogReadError(path, "something that is no regular file", "an event log")
+    file = load(path)
+    if file.kind is Format.RERUN or path.suffix == ".rrd":
+        raise foreign_error(path, file.data[:HEAD_BYTES])
+    wanted = is_wanted if signals else is_event_channel
+    if file.kind is Format.SQLITE:
+        from hrclog.log.database import read_database
+
+        contents = read_database(path, wanted, file.data or None, numbering)
+    elif file.kind is Format.ROS1:
+        from hrclog.log.ros1 import read_ros1
+
+        contents = read_ros1(path, file.data, wanted)
+    else:
+        contents = _read_mcap(path, file.data, wanted)
+    contents.problems[:0] = file.problems
     for problem in contents.problems:
         complain(problem.code, problem.message, problem.offset)
-    codes = {problem.code for problem in contents.problems}
-    if contents.finished or "no_header" in codes:
-        pass
-    elif path.name.endswith(PARTIAL_SUFFIX):
-        complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
-    elif "truncated" not in codes:
-        complain("truncated", "the file has no footer: its end is missing, and whatever was there", None)
+    if not contents.finished:
+        _tell_of_the_end(path, contents, complain)
     return decode_contents(contents, complain, signals=signals)
 
 
-def _read_mcap(path: Path, *, signals: bool) -> Contents:
-    if not path.is_file():
-        raise LogReadError(path, "something that is no regular file", "an event log")
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise LogReadError(path, f"a file that cannot be opened ({error.strerror})", "an event log") from error
-    if path.suffix == ".rrd":
-        raise _foreign_error(path, data)
-    contents = read_contents(data, is_wanted if signals else is_event_channel)
+def _tell_of_the_end(path: Path, contents: Contents, complain: Complain) -> None:
+    codes = {problem.code for problem in contents.problems}
+    if "no_header" in codes:
+        return
+    if plain_name(path.name).endswith(PARTIAL_SUFFIX):
+        complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
+    elif "truncated" not in codes:
+        complain("truncated", "the file has no footer: its end is missing, and whatever was there", None)
+
+
+def _read_mcap(path: Path, data: bytes, wanted: Wanted) -> Contents:
+    contents = read_contents(data, wanted)
     # a kill before or within the magic bytes leaves a prefix of them
     if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
-        raise _foreign_error(path, data)
+        raise foreign_error(path, data[:HEAD_BYTES])
     return contents
 
 
-def _foreign_error(path: Path, data: bytes) -> LogReadError:
-    """Return the error for a file that is no log."""
-    if data.startswith(_SQLITE):
-        return LogReadError(path, "an SQLite file", "a log", "name the bag's folder, the one with metadata.yaml")
-    if data.startswith(b"RRF") or path.suffix == ".rrd":
-        return LogReadError(path, "a Rerun recording", "an event log", f"open it with `hrclog view {path}`")
-    remedy = "turn it into logs with `hrclog import`" if data[:1] in (b"[", b"{") else ""
-    return LogReadError(path, f"a file that begins with {data[:8]!r}", "an MCAP log or a ROS bag", remedy)
+def _join_splits(parts: list[Logs]) -> list[Logs]:
+    """Make one run of files that a recording without run ids was split into."""
+    nameless = {
+        part.paths[0]: part.events
+        for part in parts
+        if any(diagnostic.code == "no_run_id" for diagnostic in part.diagnostics) and not is_bag(part.paths[0])
+    }
+    joined = joined_splits(nameless)
+    return [_renamed(part, joined[part.paths[0]]) if part.paths[0] in joined else part for part in parts]
 
 
-def _name_runs(events: pl.DataFrame, path: Path, complain: Complain) -> pl.DataFrame:
-    nameless = events.filter(pl.col("run_id") == "").height
-    if not nameless:
-        return events
-    nameless_text = counted(nameless, "event names no run; it is", "events name no run; they are")
-    complain("no_run_id", f"{nameless_text} taken as one run of this file", None)
-    run_id = derived_id("file", str(path.resolve()))
-    run_ids = pl.when(pl.col("run_id") == "").then(pl.lit(run_id)).otherwise("run_id")
-    return events.with_columns(run_ids.alias("run_id"))
+def _renamed(log: Logs, joined: Joined) -> Logs:
+    names = joined.names
+    scene = RecordedScene(
+        {names.get(run, run): part for run, part in log.scene.scenes.items()},
+        {(names.get(run, run), agent): text for (run, agent), text in log.scene.descriptions.items()},
+        named(log.scene.poses, names),
+    )
+    diagnostics = [diagnostic for diagnostic in log.diagnostics if diagnostic.code != "no_run_id"]
+    if joined.text:
+        diagnostics.append(Diagnostic("no_run_id", joined.text, str(log.paths[0])))
+    return Logs(named(log.events, names), named(log.signals, names), diagnostics, log.paths, scene)
 
 
 def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
     # the result does not depend on the order of the arguments
-    parts = sorted(parts, key=lambda part: part.paths)
+    parts = _join_splits(sorted(parts, key=lambda part: part.paths))
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
     diagnostics += [
         Diagnostic("unreadable_file", failure.reason, str(failure.path))

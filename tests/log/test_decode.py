@@ -27,13 +27,22 @@ EXTENDED = DEFINITION + "\nfloat64[] forces\nstring[<=4] witnesses\nint8 mood\n"
 UNSET_TIME = TaskStarted(time_ns=-(2**63), agent="a", task="t", execution_id="e")
 
 
-def write(path: Path, messages: list[bytes], definition: str = DEFINITION, encoding: str = "cdr") -> Path:
+def write(
+    path: Path,
+    messages: list[bytes],
+    definition: str = DEFINITION,
+    encoding: str = "cdr",
+    *,
+    language: str = "ros2msg",
+    name: str = TYPE_NAME,
+    topic: str = "/hrc/events",
+) -> Path:
     """Write messages as a foreign writer would: log time 1000 + i, publish time 2000 + i, sequence 50 + i."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
-        schema = writer.register_schema(TYPE_NAME, "ros2msg", definition.encode())
-        channel = writer.register_channel("/hrc/events", encoding, schema)
+        schema = writer.register_schema(name, language, definition.encode())
+        channel = writer.register_channel(topic, encoding, schema)
         for i, message in enumerate(messages):
             writer.add_message(channel, 1000 + i, message, 2000 + i, 50 + i)
         writer.finish()
@@ -165,8 +174,99 @@ def test_an_event_channel_that_cannot_be_decoded_is_reported_once(
     assert "5 messages" in logs.diagnostics[0].message
 
 
-def test_many_different_failures_share_a_few_diagnostics(tmp_path: Path) -> None:
+def test_messages_that_fail_for_one_cause_share_a_diagnostic_whatever_their_values(tmp_path: Path) -> None:
     messages = [b'{"kind":%d}' % i for i in range(100)]
     logs = read_log(write(tmp_path / "a.mcap", messages, encoding="json"))
+    assert [diagnostic.message for diagnostic in logs.diagnostics] == [
+        "100 messages of /hrc/events cannot be decoded (kind is 0, expected a text), the first with log time 1000 ns"
+    ]
+
+
+def test_many_different_failures_share_a_few_diagnostics(tmp_path: Path) -> None:
+    kinds = [f'{{"kind": {value}}}'.encode() for value in ("1", "[]", "{}", "true", '""')]
+    fields = [f'{{"kind": "heartbeat", "{name}": [{i}]}}'.encode() for i, name in enumerate(COLUMNS[3:])]
+    logs = read_log(write(tmp_path / "a.mcap", kinds + fields, encoding="json"))
     assert len(logs.diagnostics) == 11
-    assert logs.diagnostics[-1].message.startswith("90 messages cannot be decoded (for further reasons)")
+    assert "for further reasons" in logs.diagnostics[-1].message
+
+
+def test_failures_are_counted_over_the_whole_file_and_not_for_each_batch(tmp_path: Path) -> None:
+    messages = [b'{"kind":"' + b"x" * 3_000_000] * 3
+    logs = read_log(write(tmp_path / "a.mcap", messages, encoding="json"))
+    assert [diagnostic.message[:10] for diagnostic in logs.diagnostics] == ["3 messages"]
+
+
+def test_numbers_may_be_texts_and_names_in_camel_case_as_proto3_writes_them(tmp_path: Path) -> None:
+    texts = {"kind": "task_ended", "time_ns": str(2**60 + 1), "seq": "7", "attempt": "2", "path_length": "0.5"}
+    unset = {"plannedStartNs": str(-(2**63)), "speedScale": "NaN", "executionId": "e", "plannedEndNs": "-3"}
+    logs = read_log(write(tmp_path / "a.mcap", [json.dumps(texts | unset).encode()], encoding="json"))
+    names = ["time_ns", "seq", "attempt", "path_length", "planned_start_ns", "speed_scale", "execution_id"]
+    assert logs.events.select(*names, "planned_end_ns").rows() == [(2**60 + 1, 7, 2, 0.5, None, None, "e", -3)]
+
+
+def idl(lines: list[str]) -> str:
+    kinds = {"uint32": "unsigned long", "int64": "long long", "float64": "double", "string": "string"}
+    fields = [line.split("#")[0].split() for line in lines]
+    struct = "".join(f"{kinds[kind]} {name}; " for kind, name in fields)
+    return f"module hrclog_msgs {{ module msg {{ struct TaskEvent {{ {struct} }}; }}; }};"
+
+
+@pytest.mark.parametrize(
+    ("text", "layout"),
+    [
+        (idl(LINES), DEFINITION),
+        (f"{'=' * 80}\nIDL: hrclog_msgs/msg/TaskEvent\n{idl(LINES)}", DEFINITION),
+        (idl(LINES[::-1]), REVERSED),
+    ],
+)
+def test_a_definition_may_be_idl(tmp_path: Path, text: str, layout: str) -> None:
+    events: list[Event] = [Heartbeat(time_ns=3), TaskStarted(time_ns=4, agent="a", task="t", execution_id="e")]
+    path = write(tmp_path / "idl.mcap", foreign(events, layout), text, language="ros2idl")
+    assert same(read_log(path)).equals(expected(tmp_path, events))
+
+
+@pytest.mark.parametrize("language", ["ros2msg", "ros2idl", "unknown", ""])
+@pytest.mark.parametrize("definition", ["", " \n", "# not found"])
+def test_an_empty_definition_of_our_type_is_ours_and_an_info_says_so(
+    tmp_path: Path, definition: str, language: str
+) -> None:
+    if language == "ros2idl" and definition.strip():
+        return
+    messages = [encode_row(to_row(Heartbeat(time_ns=3, run_id="r")))]
+    logs = read_log(write(tmp_path / "a.mcap", messages, definition, language=language))
+    assert logs.events.height == 1
+    assert [(found.code, found.severity) for found in logs.diagnostics] == [("assumed_definition", "info")]
+
+
+@pytest.mark.parametrize("definition", ["int8 a\n" * 200_000, "string[1000000000] x\nint64 time_ns\n"])
+def test_a_definition_that_asks_for_too_much_is_refused_and_the_file_is_read(tmp_path: Path, definition: str) -> None:
+    logs = read_log(write(tmp_path / "a.mcap", [bytes(4000)] * 2, definition))
+    assert [found.code for found in logs.diagnostics] == ["undecodable_event"]
+    assert "2 messages" in logs.diagnostics[0].message
+
+
+@pytest.mark.parametrize("big_endian", [False, True])
+@pytest.mark.parametrize("topic", ["/hrc/events", "/cell_1/hrc/events"])
+def test_events_may_be_json_texts_in_a_string(tmp_path: Path, topic: str, *, big_endian: bool) -> None:
+    store = get_typestore(Stores.LATEST)
+    string = store.types["std_msgs/msg/String"]
+    texts = [json.dumps({"kind": "heartbeat", "run_id": "r", "reason": "läuft", "seq": str(i)}) for i in range(3)]
+    messages = [
+        bytes(store.serialize_cdr(string(data=text), "std_msgs/msg/String", little_endian=not big_endian))
+        for text in texts
+    ]
+    torn = messages[0][:-5]
+    path = write(tmp_path / "a.mcap", [*messages, torn], "string data", name="std_msgs/msg/String", topic=topic)
+    logs = read_log(path)
+    assert logs.events.select("seq", "reason").rows() == [(i, "läuft") for i in range(3)]
+    assert [found.code for found in logs.diagnostics] == ["undecodable_event"]
+
+
+def test_a_string_on_another_topic_is_no_event(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", [b"\0\1\0\0\2\0\0\0a\0"], "string data", name="std_msgs/msg/String", topic="/x")
+    assert [found.code for found in read_log(path).diagnostics] == ["no_events"]
+
+
+def test_a_signal_topic_of_a_foreign_type_is_no_signal(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", [bytes(12)], "int64 data", name="std_msgs/msg/Int64", topic="/hrc/signals/x")
+    assert read_log(path, signals=True).signals.is_empty()

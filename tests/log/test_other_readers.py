@@ -182,7 +182,7 @@ def test_a_ros_2_bag_without_definitions_is_taken_to_hold_our_layout(
         database.execute("delete from message_definitions")
         database.commit()
     logs = read_logs(bag)
-    assert logs.diagnostics == []
+    assert [diagnostic.code for diagnostic in logs.diagnostics] == ["assumed_definition"]
     assert logs.events.drop("path", "log_time_ns").equals(frame.drop("path", "log_time_ns"))
 
 
@@ -250,13 +250,19 @@ def test_a_bag_with_a_damaged_message_gives_the_others(tmp_path: Path, store: Ty
     assert [diagnostic.code for diagnostic in logs.diagnostics] == ["undecodable_event", "events_missing"]
 
 
-@pytest.mark.parametrize("name", ["bag/metadata.yaml", "run.bag"])
-def test_a_bag_that_cannot_be_opened_is_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("bag/metadata.yaml", "a folder with metadata.yaml and no part of a bag"),
+        ("run.bag", "a file that begins with b'nonsense'"),
+    ],
+)
+def test_a_bag_that_cannot_be_opened_is_refused(tmp_path: Path, name: str, what: str) -> None:
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
     path.write_text("nonsense: [")
     bag = path.parent if path.name == "metadata.yaml" else path
-    with pytest.raises(LogReadError, match="a bag that cannot be read"):
+    with pytest.raises(LogReadError, match=what):
         read_logs(bag)
 
 

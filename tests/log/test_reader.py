@@ -112,7 +112,7 @@ def _sqlite(path: Path) -> None:
 FOREIGN = {
     "a text": (lambda path: path.write_text("time,agent\n1,robot\n"), "a file that begins with b'time,age'"),
     "a PNG": (_png, r"a file that begins with b'\\x89PNG"),
-    "an SQLite file": (_sqlite, "an SQLite file, expected a log; name the bag's folder"),
+    "an SQLite file": (_sqlite, "an SQLite file that is no part of a bag, expected a log"),
     "a Rerun recording": (lambda path: path.write_bytes(b"RRF2 and so on"), "a Rerun recording.*hrclog view"),
     "zeros": (lambda path: path.write_bytes(bytes(5000)), "a file that begins with b'"),
 }
