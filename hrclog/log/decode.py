@@ -130,7 +130,7 @@ def _is_our_layout(definition: str) -> bool:
 def _fields(definition: str) -> list[tuple[str, ...]]:
     main = definition.split("=" * 80, maxsplit=1)[0]  # types that it uses follow
     lines = (line.split("#", maxsplit=1)[0].split() for line in main.splitlines())
-    return [tuple(words) for words in lines if words]
+    return [tuple(words[:2]) for words in lines if words]  # type and name, without the default
 
 
 def _undecodable_events(part: Batch, reason: str, complain: Complain) -> pl.DataFrame:

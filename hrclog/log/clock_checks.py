@@ -1,0 +1,166 @@
+"""Compare the clocks of a run's agents: event times against log times, agent by agent."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from hrclog.diagnostic import Diagnostic
+from hrclog.errors import InvalidEventError
+from hrclog.event_rows import parse_details
+from hrclog.events import CLOCK_SHIFT, LATEST_NS
+from hrclog.log.clock_series import (
+    LEAST_NS,
+    RECORDER,
+    Series,
+    keeps_pace,
+    reference,
+    series_of,
+    timed,
+    tolerance_ns,
+    written_at_once,
+)
+from hrclog.log.clock_steps import Step, steps, threshold_ns
+from hrclog.log.offsets import offset_text, seconds_text
+from hrclog.units import NS_PER_S
+from hrclog.wording import counted
+
+_SHIFTED_NS: Final = 10 * NS_PER_S  # less may be a delay that all agents share
+_DAY_NS: Final = 86_400 * NS_PER_S
+_MS: Final = 10**6
+
+
+def check_clocks(events: pl.DataFrame) -> list[Diagnostic]:
+    """Return what is doubtful about clocks, run by run.
+
+    Args:
+        events: an events frame.
+    """
+    doubtful = timed(_doubtful_runs(events))
+    runs = doubtful.partition_by("run_id", as_dict=True, maintain_order=True)
+    found = [diagnostic for (run_id,), part in runs.items() for diagnostic in _check_run(str(run_id), part)]
+    return [*_resumed(events), *found]
+
+
+def _doubtful_runs(events: pl.DataFrame) -> pl.DataFrame:
+    """Return the events of runs whose event times and log times do not go together; there are few such runs."""
+    plausible = pl.all_horizontal(pl.col(name).is_between(-LATEST_NS, LATEST_NS) for name in ("time_ns", "log_time_ns"))
+    ahead = pl.when(plausible).then(pl.col("time_ns") - pl.col("log_time_ns"))
+    low, high = events.select(ahead.min().alias("low"), ahead.max().alias("high")).row(0)
+    if low is None or _go_together(low, high):
+        return events.clear()
+    bounds = events.group_by("run_id").agg(ahead.min().alias("low"), ahead.max().alias("high")).drop_nulls()
+    doubtful = [run_id for run_id, low, high in bounds.iter_rows() if not _go_together(low, high)]
+    return events.filter(pl.col("run_id").is_in(doubtful))
+
+
+def _go_together(low: int, high: int) -> bool:
+    return high - low < LEAST_NS and max(-low, high) < _SHIFTED_NS
+
+
+def _check_run(run_id: str, run_events: pl.DataFrame) -> list[Diagnostic]:
+    path = str(run_events["path"][0])
+    series = series_of(run_events)
+    agents = [one for one in series if one.agent != RECORDER]
+    if not agents:
+        return []
+    if written_at_once(run_events) or not keeps_pace(series):
+        return [_written_afterwards(run_events, path, run_id)]
+    expected_ns = reference(series)
+    threshold = threshold_ns(series)
+    jumps = {one.agent: steps(one, threshold, expected_ns) for one in agents}
+    steady = [one for one in agents if not jumps[one.agent]]
+    found = [_jump(agent, agent_jumps, path, run_id) for agent, agent_jumps in jumps.items() if agent_jumps]
+    recorder = [one for one in series if one.agent == RECORDER]
+    return [*found, *_offsets(steady, recorder, path, run_id)]
+
+
+def _written_afterwards(run_events: pl.DataFrame, path: str, run_id: str) -> Diagnostic:
+    times, written = (int(np.ptp(run_events[name].to_numpy())) for name in ("time_ns", "log_time_ns"))
+    spans = f"events span {times / NS_PER_S:.1f} s, their log times {written / NS_PER_S:.1f} s"
+    text = f"{spans}: they were written afterwards, or at another pace, so that clocks of agents cannot be compared"
+    return Diagnostic("log_times_untimely", text, path, run_id)
+
+
+def _offsets(agents: Sequence[Series], recorder: Sequence[Series], path: str, run_id: str) -> Iterator[Diagnostic]:
+    """Yield whose clock is off, or by how much all agents' times are ahead of log times alike."""
+    if not agents:
+        return
+    common_ns = reference([*agents, *recorder])
+    if _share_level(agents):
+        common_ns = reference(agents)
+    fellows = [one for one in (*agents, *recorder) if abs(one.level_ns - common_ns) <= LEAST_NS] or list(agents)
+    for one in agents:
+        off_ns = one.level_ns - common_ns
+        if abs(off_ns) > min(tolerance_ns(one, fellow) for fellow in fellows):
+            yield _offset(one, off_ns, [fellow.agent for fellow in fellows if fellow is not one], path, run_id)
+    if abs(common_ns) > max(_SHIFTED_NS, *(tolerance_ns(fellow) for fellow in fellows)):
+        yield _shifted(common_ns, path, run_id)
+
+
+def _share_level(agents: Sequence[Series]) -> bool:
+    levels = [one.level_ns for one in agents]
+    return max(levels) - min(levels) <= tolerance_ns(*agents)
+
+
+def _offset(one: Series, off_ns: float, fellows: Sequence[str], path: str, run_id: str) -> Diagnostic:
+    offset_ns = round(off_ns / _MS) * _MS
+    others = ", ".join(repr(agent) if agent else "the recorder" for agent in fellows) or "the log"
+    option = shlex.quote(f"{one.agent}={offset_text(offset_ns)}")
+    direction = "ahead of" if offset_ns > 0 else "behind"
+    text = (
+        f"the clock of {one.agent!r} is off by {seconds_text(offset_ns)} s, {direction} {others} (event times against "
+        f"log times); --clock {option} corrects it"
+    )
+    return Diagnostic("clock_offset", text, path, run_id)
+
+
+def _shifted(common_ns: float, path: str, run_id: str) -> Diagnostic:
+    shift_ns = abs(round(common_ns / _MS) * _MS)
+    days = f" ({shift_ns / _DAY_NS:.1f} days)" if shift_ns > _DAY_NS else ""
+    direction = "later" if common_ns < 0 else "earlier"
+    text = f"log times are {seconds_text(shift_ns)[1:]} s{days} {direction} than event times, for all agents alike"
+    return Diagnostic("log_times_shifted", text, path, run_id)
+
+
+def _jump(agent: str, jumps: Sequence[Step], path: str, run_id: str) -> Diagnostic:
+    jump = max(jumps, key=lambda step: abs(step.size_ns))
+    size = seconds_text(round(jump.size_ns / _MS) * _MS)
+    often = "jumps" if len(jumps) == 1 else f"jumps {counted(len(jumps), 'time')}, farthest"
+    within = ", while an execution was open" if jump.within_execution else ""
+    text = (
+        f"the clock of {agent!r} {often} by {size} s between seq {jump.seq_before} and {jump.seq_after}{within} (event "
+        "times against log times): durations and overlaps across it are wrong; leave the run out"
+    )
+    return Diagnostic("clock_jump", text, path, run_id, jump.seq_after)
+
+
+def _resumed(events: pl.DataFrame) -> list[Diagnostic]:
+    """Say where a run went on after the recorder's clock had been put back."""
+    is_shifted = (pl.col("kind") == "run_started") & pl.col("details").str.contains(CLOCK_SHIFT, literal=True)
+    started = events.filter(is_shifted)
+    columns = started.select("details", "path", "run_id", "seq")
+    return [
+        Diagnostic(
+            "clock_put_back",
+            f"the recorder's clock was {seconds_text(shift_ns)[1:]} s behind the run's last event when it went on: "
+            "times from there on are shifted by that, and how long the run was interrupted is not known",
+            path,
+            run_id,
+            seq,
+        )
+        for details, path, run_id, seq in columns.iter_rows()
+        if (shift_ns := _shift_of(details)) > 0
+    ]
+
+
+def _shift_of(details: str) -> int:
+    try:
+        shift_ns = parse_details(details).get(CLOCK_SHIFT, 0)
+    except InvalidEventError:
+        return 0
+    return shift_ns if isinstance(shift_ns, int) else 0
