@@ -72,6 +72,11 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
 }
 """Every code, its severity and what it means. Errors mean that data was lost or skipped."""
 
+TIMES_IN_DOUBT: Final = ("clock_offset", "clock_jump", "clock_step", "clock_put_back", "doubtful_speed")
+"""Codes that stand beside every result that is computed from times: with them, factors and stop times may be wrong."""
+
+TIMES_CORRECTED: Final = "clock_corrected"
+
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:

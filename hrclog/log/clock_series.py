@@ -116,10 +116,10 @@ def keeps_pace(series: Iterable[Series]) -> bool:
     """Return whether log times pass as fast as event times: they do not if the log was written afterwards."""
     pairs = [(np.diff(one.time_ns), np.diff(one.written_ns)) for one in series]
     happened, written = (np.concatenate([np.empty(0, np.int64), *arrays]) for arrays in zip(*pairs, strict=True))
-    telling = happened > NS_PER_S // 2
+    telling = happened > 2 * NS_PER_S
     pace: FloatArray = written[telling] / happened[telling]
     enough = 5
-    return len(pace) < enough or 0.8 <= float(np.median(pace)) <= 1.25
+    return len(pace) < enough or 0.67 <= float(np.median(pace)) <= 1.5
 
 
 def written_at_once(run_events: pl.DataFrame) -> bool:

@@ -57,8 +57,9 @@ def _unset_values(events: pl.DataFrame) -> dict[str, pl.Expr]:
             planned = pl.col(name)
             far = planned.is_between(-LATEST_NS, LATEST_NS) & ((planned - time).abs() > _FAR_NS)
             unset[name] = (is_instant & (far | all_zero)).fill_null(value=False)
-    if unset:
-        beside = pl.any_horizontal(unset.values())
+    if unset or (events["planned_duration_s"] == 0).any():
+        # a definition with defaults leaves instants unset, and cannot do so with floats
+        beside = pl.any_horizontal(*unset.values(), pl.all_horizontal(pl.col(name) == 0 for name in _BESIDE[:3]))
         unset |= {name: (beside & (pl.col(name) == 0)).fill_null(value=False) for name in _BESIDE}
         unset["speed_scale"] &= pl.col("kind") != "safety_state_changed"
     unset["agent_time_ns"] = ((pl.col("agent_time_ns") == 0) & (time.abs() > _FAR_NS)).fill_null(value=False)
@@ -71,7 +72,8 @@ def _unset_diagnostic(counts: dict[str, object]) -> Diagnostic:
     numbers = {name: count for name, count in counts.items() if isinstance(count, int) and name != "seq" and count}
     columns = ", ".join(f"{name} in {counted(count, 'event')}" for name, count in numbers.items())
     why = f"0, or more than {_FAR_TEXT} from the run, as a node leaves what it never sets"
-    return Diagnostic("never_set", f"{columns}: {why}; they count as unset", str(counts["path"]), str(counts["run_id"]))
+    text = f"{columns}: {why}; they count as unset{' (attempt as 1)' if 'attempt' in numbers else ''}"
+    return Diagnostic("never_set", text, str(counts["path"]), str(counts["run_id"]))
 
 
 def with_numbers(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
