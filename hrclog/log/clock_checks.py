@@ -73,10 +73,10 @@ def _check_run(run_id: str, run_events: pl.DataFrame) -> list[Diagnostic]:
     expected_ns = reference(series)
     threshold = threshold_ns(series)
     jumps = {one.agent: steps(one, threshold, expected_ns) for one in agents}
-    steady = [one for one in agents if not jumps[one.agent]]
     found = [_jump(agent, agent_jumps, path, run_id) for agent, agent_jumps in jumps.items() if agent_jumps]
-    recorder = [one for one in series if one.agent == RECORDER]
-    return [*found, *_offsets(steady, recorder, path, run_id)]
+    steady = [one for one in series if not jumps.get(one.agent)]
+    unsteady = [one for one in agents if jumps[one.agent]]
+    return [*found, *_offsets(steady, unsteady, threshold, path, run_id)]
 
 
 def _written_afterwards(run_events: pl.DataFrame, path: str, run_id: str) -> Diagnostic:
@@ -86,20 +86,40 @@ def _written_afterwards(run_events: pl.DataFrame, path: str, run_id: str) -> Dia
     return Diagnostic("log_times_untimely", text, path, run_id)
 
 
-def _offsets(agents: Sequence[Series], recorder: Sequence[Series], path: str, run_id: str) -> Iterator[Diagnostic]:
-    """Yield whose clock is off, or by how much all agents' times are ahead of log times alike."""
-    if not agents:
+def _offsets(
+    steady: Sequence[Series], unsteady: Sequence[Series], threshold: float, path: str, run_id: str
+) -> Iterator[Diagnostic]:
+    """Yield whose clock is off, or by how much all agents' times are ahead of log times alike.
+
+    Args:
+        steady: of the recorder, and of agents whose clocks did not step.
+        unsteady: of agents whose clocks did.
+        threshold: smallest size of a step, ns.
+        path: of the run.
+        run_id: of the run.
+    """
+    agents = [one for one in steady if one.agent != RECORDER]
+    if not steady:
         return
-    common_ns = reference([*agents, *recorder])
-    if _share_level(agents):
-        common_ns = reference(agents)
-    fellows = [one for one in (*agents, *recorder) if abs(one.level_ns - common_ns) <= LEAST_NS] or list(agents)
-    for one in agents:
-        off_ns = one.level_ns - common_ns
-        if abs(off_ns) > min(tolerance_ns(one, fellow) for fellow in fellows):
-            yield _offset(one, off_ns, [fellow.agent for fellow in fellows if fellow is not one], path, run_id)
-    if abs(common_ns) > max(_SHIFTED_NS, *(tolerance_ns(fellow) for fellow in fellows)):
+    common_ns = reference(agents if agents and _share_level(agents) else steady)
+    fellows = [one for one in steady if abs(one.level_ns - common_ns) <= LEAST_NS] or list(steady)
+    off = [one for one in agents if _is_off(one, fellows, common_ns)]
+    off += [one for one in unsteady if _is_off_throughout(one, common_ns, threshold)]
+    for one in sorted(off, key=lambda series: series.agent):
+        others = [fellow.agent for fellow in fellows if fellow is not one]
+        yield _offset(one, one.level_ns - common_ns, others, path, run_id)
+    if agents and abs(common_ns) > max(_SHIFTED_NS, *(tolerance_ns(fellow) for fellow in fellows)):
         yield _shifted(common_ns, path, run_id)
+
+
+def _is_off(one: Series, fellows: Sequence[Series], common_ns: float) -> bool:
+    return abs(one.level_ns - common_ns) > min(tolerance_ns(one, fellow) for fellow in fellows)
+
+
+def _is_off_throughout(one: Series, common_ns: float, threshold: float) -> bool:
+    """Return whether nearly all batches are off to the same side, so that the clock is off besides its steps."""
+    low, high = np.quantile(one.ahead_ns, (0.1, 0.9)) - common_ns
+    return bool(low > threshold or high < -threshold)
 
 
 def _share_level(agents: Sequence[Series]) -> bool:

@@ -35,7 +35,7 @@ class Step:
 def threshold_ns(series: Sequence[Series]) -> float:
     """Return from which size on a change is no delay, by the typical change from batch to batch."""
     changes = np.abs(np.concatenate([np.empty(0, np.int64), *(np.diff(one.ahead_ns) for one in series)]))
-    return max(LEAST_NS, _NOISES * float(np.quantile(changes, 0.5, method="lower"))) if len(changes) else LEAST_NS
+    return max(LEAST_NS, _NOISES * float(np.quantile(changes, 0.6, method="lower"))) if len(changes) else LEAST_NS
 
 
 def steps(series: Series, threshold: float, reference_ns: float) -> list[Step]:

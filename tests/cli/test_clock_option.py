@@ -110,7 +110,8 @@ def test_the_other_commands_correct_too(run: Run, hour_ahead: Path, tmp_path: Pa
     assert [row["makespan_s"] for row in info["runs"]] == pytest.approx([63.5] * 3)
     exported = run("export", hour_ahead, "-o", tmp_path / "tables", "--table", "overlaps", "--clock", AN_HOUR, "--json")
     assert exported.json()["written"][0]["rows"] > 0
-    compared = run("compare", hour_ahead, hour_ahead / "0.mcap", "--bootstrap", "0", "--clock", AN_HOUR, "--json")
+    sides = (hour_ahead / "0.mcap", hour_ahead / "1.mcap")
+    compared = run("compare", *sides, "--bootstrap", "0", "--clock", AN_HOUR, "--json")
     assert "clock_corrected" in {finding["code"] for finding in compared.json()["diagnostics"]}
     place = str(tmp_path / "kb.sqlite")
     ingested = run("kb", "ingest", hour_ahead, "--kb", place, "--json", "--clock", AN_HOUR).json()
