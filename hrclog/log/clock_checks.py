@@ -40,19 +40,27 @@ def check_clocks(events: pl.DataFrame) -> list[Diagnostic]:
     Args:
         events: an events frame.
     """
-    doubtful = timed(_doubtful_runs(events))
-    runs = doubtful.partition_by("run_id", as_dict=True, maintain_order=True)
-    found = [diagnostic for (run_id,), part in runs.items() for diagnostic in _check_run(str(run_id), part)]
-    return [*_resumed(events), *found]
+    resumed = _resumed(events)
+    if _all_go_together(events):
+        return resumed
+    runs = timed(_doubtful_runs(events)).partition_by("run_id", as_dict=True, maintain_order=True)
+    return [*resumed, *(finding for (run_id,), part in runs.items() for finding in _check_run(str(run_id), part))]
+
+
+def _all_go_together(events: pl.DataFrame) -> bool:
+    """Return whether event times and log times of all runs go together, as far as that is told at once."""
+    times, written = events["time_ns"], events["log_time_ns"]
+    bounds = (times.min(), times.max(), written.min(), written.max())
+    if not all(isinstance(bound, int) and abs(bound) <= LATEST_NS for bound in bounds):
+        return False
+    ahead = times - written
+    return _go_together(int(ahead.min()), int(ahead.max()))  # type: ignore[arg-type]  # int64 columns
 
 
 def _doubtful_runs(events: pl.DataFrame) -> pl.DataFrame:
     """Return the events of runs whose event times and log times do not go together; there are few such runs."""
     plausible = pl.all_horizontal(pl.col(name).is_between(-LATEST_NS, LATEST_NS) for name in ("time_ns", "log_time_ns"))
     ahead = pl.when(plausible).then(pl.col("time_ns") - pl.col("log_time_ns"))
-    low, high = events.select(ahead.min().alias("low"), ahead.max().alias("high")).row(0)
-    if low is None or _go_together(low, high):
-        return events.clear()
     bounds = events.group_by("run_id").agg(ahead.min().alias("low"), ahead.max().alias("high")).drop_nulls()
     doubtful = [run_id for run_id, low, high in bounds.iter_rows() if not _go_together(low, high)]
     return events.filter(pl.col("run_id").is_in(doubtful))
@@ -161,9 +169,11 @@ def _jump(agent: str, jumps: Sequence[Step], path: str, run_id: str) -> Diagnost
 
 def _resumed(events: pl.DataFrame) -> list[Diagnostic]:
     """Say where a run went on after the recorder's clock had been put back."""
-    is_shifted = (pl.col("kind") == "run_started") & pl.col("details").str.contains(CLOCK_SHIFT, literal=True)
-    started = events.filter(is_shifted)
-    columns = started.select("details", "path", "run_id", "seq")
+    is_start = events["kind"] == "run_started"
+    if not events["details"].filter(is_start).str.contains(CLOCK_SHIFT, literal=True).any():
+        return []
+    columns = events.filter(is_start).select("details", "path", "run_id", "seq")
+    shifted = columns.filter(pl.col("details").str.contains(CLOCK_SHIFT, literal=True))
     return [
         Diagnostic(
             "clock_put_back",
@@ -173,7 +183,7 @@ def _resumed(events: pl.DataFrame) -> list[Diagnostic]:
             run_id,
             seq,
         )
-        for details, path, run_id, seq in columns.iter_rows()
+        for details, path, run_id, seq in shifted.iter_rows()
         if (shift_ns := _shift_of(details)) > 0
     ]
 

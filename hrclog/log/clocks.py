@@ -73,6 +73,8 @@ def _corrected(agent: str, offset_ns: int, count: int, why: str, path: str = "",
 
 
 def _as_synced(events: pl.DataFrame, clocks: Clocks) -> tuple[pl.DataFrame, list[Diagnostic]]:
+    if events["agent_time_ns"].null_count() == events.height:
+        return events, []
     synced = events.filter(
         (pl.col("kind") == _SYNCED)
         & ~pl.col("agent").is_in([RECORDER, *clocks])
