@@ -114,7 +114,7 @@ def _offsets(
     off = [one for one in agents if _is_off(one, fellows, common_ns)]
     off += [one for one in unsteady if _is_off_throughout(one, common_ns, threshold)]
     for one in sorted(off, key=lambda series: series.agent):
-        others = [fellow.agent for fellow in fellows if fellow is not one]
+        others = sorted((fellow.agent for fellow in fellows if fellow is not one), key=lambda name: (not name, name))
         yield _offset(one, one.level_ns - common_ns, others, path, run_id)
     if agents and abs(common_ns) > max(_SHIFTED_NS, *(tolerance_ns(fellow) for fellow in fellows)):
         yield _shifted(common_ns, path, run_id)
