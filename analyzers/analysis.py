@@ -17,6 +17,7 @@ from hrclog.analyzers.synergy.estimator import estimate
 from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS, EstimatorName
 from hrclog.analyzers.synergy.observations import observe
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, Outliers
+from hrclog.log.clocks import NO_CLOCKS, Clocks
 from hrclog.log.reader import Logs, read_logs
 
 
@@ -30,6 +31,7 @@ def analyze(
     seed: int = 0,
     workers: int = 1,
     on_draws: Callable[[int], None] = lambda _: None,
+    clocks: Clocks = NO_CLOCKS,
 ) -> Analysis:
     """Read logs, folders and globs, and analyse their runs.
 
@@ -42,15 +44,18 @@ def analyze(
         seed: of the resampling.
         workers: processes for the resampling.
         on_draws: called with the number of further draws done, for progress.
+        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
 
     Raises:
         PluginError: the estimator or outlier method is not known.
         EstimatorError: the estimator failed, or returned no fit.
         LogReadError: nothing matched, or no file could be read.
+        HrclogError: no event names an agent of `clocks`.
     """
     names = _check_names(estimator, outliers)  # before the logs are read
+    paths = [paths] if isinstance(paths, str | Path) else paths
     return analyze_logs(
-        read_logs([paths] if isinstance(paths, str | Path) else paths, signals=True, on_file=on_file),
+        read_logs(paths, signals=True, on_file=on_file, clocks=clocks),
         *names,
         bootstrap=bootstrap,
         seed=seed,

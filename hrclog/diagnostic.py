@@ -50,6 +50,19 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "events name no run; they are taken as one run of their file, or of files that go on from it",
     ),
+    "never_set": ("warning", "values that a writer left at 0, and planned instants far from the run, count as unset"),
+    "seq_never_set": ("warning", "every sequence number of a run is 0: its events count in the order of writing"),
+    "doubtful_speed": ("warning", "a speed scale is 0 beside a mode that is no stop: was it never set?"),
+    "clock_offset": (
+        "warning",
+        "an agent's clock is off, compared with others: its overlaps are wrong (`--clock` corrects it)",
+    ),
+    "clock_jump": ("warning", "an agent's clock jumps within a run: durations and overlaps across the jump are wrong"),
+    "clock_step": (
+        "warning",
+        "an execution's times run backwards: a clock was put back, and how long it took is not known",
+    ),
+    "clock_put_back": ("warning", "the recorder's clock was put back before a run went on; later times were shifted"),
     "time_not_monotonic": ("warning", "times run backwards against the order of writing; the times were believed"),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
@@ -58,8 +71,16 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
     "run_not_ended": ("info", "the run has no run_ended event"),
+    "clock_corrected": ("info", "the offset of an agent's clock was taken off its times"),
+    "log_times_shifted": ("info", "log times are later or earlier than event times, for all agents alike"),
+    "log_times_untimely": ("info", "log times do not keep pace with event times, so clocks cannot be compared"),
 }
 """Every code, its severity and what it means. Errors mean that data was lost or skipped."""
+
+TIMES_IN_DOUBT: Final = ("clock_offset", "clock_jump", "clock_step", "clock_put_back", "doubtful_speed")
+"""Codes that stand beside every result that is computed from times: with them, factors and stop times may be wrong."""
+
+TIMES_CORRECTED: Final = "clock_corrected"
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,9 @@ COLUMNS: Final = ("schema_version", "attempt", "seq", *INT_COLUMNS, *FLOAT_COLUM
 LATEST_NS: Final = 2**61
 """Instants lie within this of 1970 (73 years), so that sums and differences stay within int64."""
 
+CLOCK_SHIFT: Final = "clock_shift_ns"
+"""Detail of a `run_started`: by how much the recorder's clock was behind the run's last event when the run went on."""
+
 UNKNOWN_OUTCOME: Final = "unknown"
 """Outcome that a reader derives for an execution still open at the end of its log; never written."""
 

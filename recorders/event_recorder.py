@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from hrclog.errors import IllegalEventError
-from hrclog.events import Event, Outcome, RunEnded, RunStarted, TaskFact
+from hrclog.events import CLOCK_SHIFT, Event, Outcome, RunEnded, RunStarted, TaskFact
 from hrclog.log.encode import Signal, event_message, run_metadata, signal_message
 from hrclog.log.journal import Journal, journal_path
 from hrclog.log.lanes import Lanes
@@ -60,10 +60,13 @@ class EventRecorder:
         self._open_ids = {key: None for key, state in self._states.items() if state.phase in _OPEN}
         self._last_ns: dict[str, int] = {key: self._states[key].start_ns or 0 for key in self._open_ids}
         self._floor_ns = segment.last_ns
+        self._shift_ns = max(segment.last_ns - clock_ns(), 0) if segment.number > 1 else 0
         self._pid = os.getpid()
         for handle in self.open_executions():
             self._lanes.begin(handle.fact)
         self._journal: Journal | None = None
+        if self._shift_ns:
+            started = replace(started, details={**started.details, CLOCK_SHIFT: self._shift_ns})
         self._open(started, Journal(journal_path(self.path), fsync=fsync))
 
     def record(self, event: AnyEvent) -> AnyEvent:
@@ -193,8 +196,8 @@ class EventRecorder:
         return state
 
     def _now(self) -> int:
-        """Return the clock's instant, never before an earlier result."""
-        self._floor_ns = max(self._clock_ns(), self._floor_ns)
+        """Return the clock's instant, never before an earlier result or what the run held before."""
+        self._floor_ns = max(self._clock_ns() + self._shift_ns, self._floor_ns)
         return self._floor_ns
 
     def _open_journal(self) -> Journal:

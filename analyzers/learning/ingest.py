@@ -23,6 +23,7 @@ from hrclog.knowledge.update import Method, update
 from hrclog.knowledge.update import rebuild as rebuild_from
 from hrclog.knowledge.write import Taught
 from hrclog.log.checks import usable
+from hrclog.log.clocks import NO_CLOCKS, Clocks
 from hrclog.log.decode import frame_of_rows
 from hrclog.log.message import EVENTS
 from hrclog.log.reader import Logs, read_logs
@@ -41,7 +42,11 @@ class Ingested:
 
 
 def ingest_logs(
-    kb: KnowledgeBase, paths: Iterable[str | Path], on_file: Callable[[Path], None] = lambda _: None
+    kb: KnowledgeBase,
+    paths: Iterable[str | Path],
+    on_file: Callable[[Path], None] = lambda _: None,
+    *,
+    clocks: Clocks = NO_CLOCKS,
 ) -> Ingested:
     """Take in the runs of logs, folders and globs; what was taken in before adds nothing.
 
@@ -49,12 +54,14 @@ def ingest_logs(
         kb: the knowledge base.
         paths: what to read; the segments of a run belong together in one call.
         on_file: called after each file, for progress.
+        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
 
     Raises:
         LogReadError: nothing matched, or no file could be read.
+        HrclogError: no event names an agent of `clocks`.
         KnowledgeError: the database fails.
     """
-    logs = read_logs(paths, on_file=on_file)
+    logs = read_logs(paths, on_file=on_file, clocks=clocks)
     ingested = ingest(kb, logs.events, _conflicting_ids(logs))
     return replace(ingested, diagnostics=[*logs.diagnostics, *ingested.diagnostics])
 
@@ -113,6 +120,8 @@ def rebuild(
     estimator: str | None = None,
     outliers: Outliers | None = None,
     on_file: Callable[[Path], None] = lambda _: None,
+    *,
+    clocks: Clocks = NO_CLOCKS,
 ) -> Ingested:
     """Rebuild everything from logs and swap it in at once; only withdrawals are kept.
 
@@ -122,12 +131,14 @@ def rebuild(
         estimator: as in `update_statistics`.
         outliers: as in `update_statistics`.
         on_file: called after each file, for progress.
+        clocks: as in `ingest_logs`.
 
     Raises:
         LogReadError: nothing matched, or no file could be read.
+        HrclogError: no event names an agent of `clocks`.
         KnowledgeError: the database fails; nothing has changed then.
     """
-    logs = read_logs(paths, on_file=on_file)
+    logs = read_logs(paths, on_file=on_file, clocks=clocks)
     records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting_ids(logs))))
     lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
     if lost and loses_data(logs.diagnostics):

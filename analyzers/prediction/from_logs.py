@@ -13,6 +13,7 @@ from hrclog.analyzers.prediction.settings import SCORED, cross_validate, predict
 from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.analyzers.synergy.estimators import EstimatorName
 from hrclog.analyzers.synergy.outlier_methods import Outliers
+from hrclog.log.clocks import NO_CLOCKS, Clocks
 from hrclog.log.reader import read_logs
 
 Paths = str | Path | Iterable[str | Path]
@@ -28,6 +29,7 @@ def score(
     seed: int = 0,
     static: bool = False,
     transfer_deviation: float = 0.0,
+    clocks: Clocks = NO_CLOCKS,
 ) -> Score:
     """Say how well estimators predict durations and makespans that they have not seen.
 
@@ -43,21 +45,22 @@ def score(
         seed: of the folds.
         static: do not learn from test runs that have ended.
         transfer_deviation: with `static`, standard deviation of log durations between sessions, if it is known.
+        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
 
     Raises:
         PluginError: an estimator is not known.
         LogReadError: nothing matched, or no file could be read.
         HrclogError: there are too few runs, or a run is on both sides.
     """
-    train = _read_intervals(logs)
+    train = _read_intervals(logs, clocks)
     if test is None:
         return summed_up(cross_validate(train, folds, seed, estimators, outliers))
-    test_intervals = _read_intervals(test)
+    test_intervals = _read_intervals(test, clocks)
     if static:
         return summed_up(predict_static(train, test_intervals, estimators, outliers, transfer_deviation))
     return summed_up(predict_prequential(train, test_intervals, estimators, outliers))
 
 
-def _read_intervals(logs: Paths) -> pl.DataFrame:
+def _read_intervals(logs: Paths, clocks: Clocks) -> pl.DataFrame:
     paths = [logs] if isinstance(logs, str | Path) else logs
-    return rebuild(read_logs(paths).events)[0]
+    return rebuild(read_logs(paths, clocks=clocks).events)[0]

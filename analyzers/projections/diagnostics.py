@@ -8,6 +8,7 @@ from typing import Final
 import polars as pl
 
 from hrclog import wording
+from hrclog.analyzers.projections.clock_step import turned_ends
 from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.overlaps import MOST_PAIRS, pair_count, task_counts
 from hrclog.diagnostic import Diagnostic
@@ -21,7 +22,7 @@ _ENOUGH_TO_EXPECT_A_FAILURE: Final = 100
 def lint(events: pl.DataFrame, intervals: pl.DataFrame, overlaps: pl.DataFrame, runs: pl.DataFrame) -> list[Diagnostic]:
     """Return the lints of a set of runs, ordered by kind and run."""
     return [
-        *_open_executions(intervals),
+        *_open_executions(events, intervals),
         *_zero_durations(intervals),
         *_implausible_times(events),
         *_self_overlaps(overlaps, runs),
@@ -32,8 +33,10 @@ def lint(events: pl.DataFrame, intervals: pl.DataFrame, overlaps: pl.DataFrame, 
     ]
 
 
-def _open_executions(intervals: pl.DataFrame) -> list[Diagnostic]:
+def _open_executions(events: pl.DataFrame, intervals: pl.DataFrame) -> list[Diagnostic]:
     rows = intervals.filter((pl.col("outcome") == UNKNOWN_OUTCOME) & pl.col("end_ns").is_null())
+    if rows.height:
+        rows = rows.join(turned_ends(events, rows), on=("run_id", "execution_id"), how="anti", maintain_order="left")
     return [
         Diagnostic(
             "open_execution", f"{agent!r}, {task!r} started at {_utc(start)} and never ended; it is censored", path, run

@@ -10,12 +10,13 @@ from typing import Any, Final
 
 import polars as pl
 
+from hrclog.analyzers.projections.clock_step import step_diagnostics, task_fact, turned_back, without_turned_ends
 from hrclog.analyzers.projections.frames import EVENTS_FRAME, check_frame
 from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
-from hrclog.event_rows import from_row, parse_details
-from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role, TaskFact
+from hrclog.event_rows import parse_details
+from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role
 from hrclog.log.reader import ORDER
 from hrclog.state import PLANNED, ExecutionState, apply
 
@@ -69,13 +70,17 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     regular_keys = _find_regular_keys(task_events)
     paired = _pair_events(task_events, regular_keys)
     irregular = task_events.join(regular_keys, on=_KEY, how="anti", maintain_order="left")
-    folded, diagnostics = _fold_events(irregular)
+    stepped = turned_back(irregular)
+    folded, diagnostics = _fold_events(irregular.join(stepped, on=_KEY, how="anti", maintain_order="left"))
+    in_order_of_writing = irregular.join(stepped, on=_KEY, how="semi").sort("seq", maintain_order=True)
+    folded_by_seq, _ = _fold_events(in_order_of_writing)
+    diagnostics += step_diagnostics(in_order_of_writing)
     last = (
         events.filter(pl.col("kind").is_in(_SIGNS_OF_LIFE))
         .group_by("run_id")
         .agg(pl.col("time_ns").max().alias("last_ns"))
     )
-    rows = pl.concat([paired, folded]).join(last, on="run_id", how="left")
+    rows = pl.concat([paired, folded, without_turned_ends(folded_by_seq)]).join(last, on="run_id", how="left")
     rows = _add_until(rows)
     return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(ordered), *diagnostics]
 
@@ -167,7 +172,7 @@ def _fold_events(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnost
     for row in task_events.iter_rows(named=True):
         key = (row["run_id"], row["execution_id"])
         before = states.get(key, PLANNED)
-        after, code = apply(before, _task_fact(row))
+        after, code = apply(before, task_fact(row))
         if code:
             diagnostics.append(_complaint(code, row))
         if after is before:
@@ -180,12 +185,6 @@ def _fold_events(task_events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnost
         if state.start_ns is not None
     ]
     return pl.DataFrame(rows, schema=_COLUMNS), diagnostics
-
-
-def _task_fact(row: dict[str, Any]) -> TaskFact:
-    event = from_row(row | {"details": ""})  # the state machine asks nothing of them
-    assert isinstance(event, TaskFact)  # noqa: S101 - rows were filtered by TASK_KINDS
-    return event
 
 
 def _invalid_details(events: pl.DataFrame) -> list[Diagnostic]:

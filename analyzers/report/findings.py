@@ -16,7 +16,7 @@ from hrclog.analyzers.report.effects import effects
 from hrclog.analyzers.report.finding import Finding, task_name
 from hrclog.analyzers.synergy.pairs import NO_SUCCESS, UNOBSERVED, WEAKLY_IDENTIFIED
 from hrclog.analyzers.synergy.untold import untold
-from hrclog.diagnostic import Diagnostic
+from hrclog.diagnostic import TIMES_CORRECTED, TIMES_IN_DOUBT, Diagnostic
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 
 MOST_PLANNERS: Final = 5
 MOST_FAILING: Final = 3
+MOST_DOUBTS: Final = 3
 
 
 def findings(analysis: Analysis) -> tuple[Finding, ...]:
     """Return the findings, each with its interval and its count, then what is not known."""
     return (
         *_lost_data(analysis),
+        *_times_in_doubt(analysis.diagnostics),
         *_makespan(analysis.runs, analysis.events),
         *effects(analysis.synergies, analysis.durations, analysis.estimator),
         *_unknown_pairs(analysis.synergies),
@@ -41,6 +43,18 @@ def _lost_data(analysis: Analysis) -> Iterable[Finding]:
     errors = sum(diagnostic.severity == "error" for diagnostic in analysis.diagnostics)
     if errors:
         yield Finding(f"Data was lost or skipped ({counted(errors, 'error')}, see Diagnostics).", kind="lost")
+
+
+def _times_in_doubt(diagnostics: Iterable[Diagnostic]) -> Iterable[Finding]:
+    told = list(diagnostics)
+    doubts = tuple(printable(one.message) for one in told if one.code in TIMES_IN_DOUBT)
+    if doubts:
+        rest = (f"{len(doubts) - MOST_DOUBTS:,} more, see Diagnostics.",) if len(doubts) > MOST_DOUBTS else ()
+        text = "Times are in doubt, so durations, overlaps and factors that follow from them may be wrong:"
+        yield Finding(text, (*(f"{doubt}." for doubt in doubts[:MOST_DOUBTS]), *rest), "doubt")
+    for one in told:
+        if one.code == TIMES_CORRECTED:
+            yield Finding(f"Times were corrected: {printable(one.message)}.")
 
 
 def _makespan(runs: pl.DataFrame, events: pl.DataFrame) -> Iterable[Finding]:

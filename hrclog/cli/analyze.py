@@ -10,6 +10,7 @@ import click
 
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import (
     Progress,
     bootstrap_options,
@@ -22,6 +23,7 @@ from hrclog.cli.common import (
 
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
+    from hrclog.log.clocks import Clocks
 
 
 def _recordings(_: click.Context, __: click.Parameter, value: str) -> int | None:
@@ -53,6 +55,7 @@ def _recordings(_: click.Context, __: click.Parameter, value: str) -> int | None
     callback=_recordings,
     help="How many runs to draw one by one; beyond it they are taken evenly spread.",
 )
+@clock_option
 @json_option
 def command(
     logs: tuple[str, ...],
@@ -63,6 +66,7 @@ def command(
     seed: int,
     workers: int,
     recordings: int | None,
+    clocks: dict[str, int],
     as_json: bool,
 ) -> int:
     """Rebuild what happened in recorded runs and estimate durations, overlaps and synergies.
@@ -83,6 +87,7 @@ def command(
         seed=seed,
         workers=workers,
         recordings=recordings,
+        clocks=clocks,
         as_json=as_json,
     )
     return tell(analysis.diagnostics)
@@ -98,6 +103,7 @@ def analyse(
     seed: int = 0,
     workers: int = 1,
     recordings: int | None = 200,
+    clocks: Clocks | None = None,
     as_json: bool = False,
 ) -> Analysis:
     """Analyse logs, write everything to a folder and print the result."""
@@ -117,6 +123,7 @@ def analyse(
         seed=seed,
         workers=workers,
         on_draws=draws.advance,
+        clocks=clocks or {},
     )
     draws.done()
     reading.done()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import EXIT_FAILED, Progress, json_option, logs_argument, print_json, tell
 from hrclog.wording import counted
 
@@ -11,8 +12,9 @@ from hrclog.wording import counted
 @click.command(name="check")
 @logs_argument
 @click.option("--strict", is_flag=True, help="Exit 1 on warnings too.")
+@clock_option
 @json_option
-def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:
+def command(logs: tuple[str, ...], strict: bool, clocks: dict[str, int], as_json: bool) -> int:
     """Check logs for damage and doubtful data; writes nothing.
 
     Exit code: 0 all is there, 3 data was lost or cannot be used, with --strict 1 on warnings.
@@ -28,7 +30,7 @@ def command(logs: tuple[str, ...], strict: bool, as_json: bool) -> int:
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")
-    read = read_logs(logs, on_file=reading)
+    read = read_logs(logs, on_file=reading, clocks=clocks)
     reading.done()
     executions, illegal = rebuild(read.events)
     table = runs(read.events, executions)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import (
     Progress,
     bootstrap_options,
@@ -40,6 +41,7 @@ Row = dict[str, Any]
 @estimator_option
 @outliers_option
 @bootstrap_options(200)
+@clock_option
 @json_option
 def command(
     sides: tuple[str, ...],
@@ -49,6 +51,7 @@ def command(
     bootstrap: int,
     seed: int,
     workers: int,
+    clocks: dict[str, int],
     as_json: bool,
 ) -> int:
     """Compare two sets of runs: planners, days, safety settings.
@@ -69,7 +72,7 @@ def command(
     if output is not None:
         check_writable(output)
     reading = Progress("reading logs")
-    a, b = (analyze(side, estimator, outliers, reading) for side in sides)
+    a, b = (analyze(side, estimator, outliers, reading, clocks=clocks) for side in sides)
     reading.done()
     drawing = Progress("drawing runs anew", 2 * bootstrap)
     comparison = compare(a, b, bootstrap=bootstrap, seed=seed, workers=workers, on_draws=drawing.advance)

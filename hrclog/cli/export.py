@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from hrclog.analyzers.exporters.exporters import EXPORTERS
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
 from hrclog.cli.names import NameOf
 from hrclog.wording import counted
@@ -28,8 +29,16 @@ TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "syne
 @click.option(
     "--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]"
 )
+@clock_option
 @json_option
-def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, ...], as_json: bool) -> int:
+def command(
+    logs: tuple[str, ...],
+    output: Path,
+    kind: str,
+    tables: tuple[str, ...],
+    clocks: dict[str, int],
+    as_json: bool,
+) -> int:
     """Write events, intervals, overlaps, durations, synergies, runs, metrics and signals as CSV or Parquet.
 
     Instants are whole nanoseconds, durations seconds. The columns are described in docs/tables.md.
@@ -44,7 +53,7 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
 
     check_writable(output)
     reading = Progress("reading logs")
-    analysis = analyze(logs, on_file=reading)
+    analysis = analyze(logs, on_file=reading, clocks=clocks)
     reading.done()
     exporter = EXPORTERS[kind]
     written = [write_table(exporter, getattr(analysis, name), output, name) for name in tables or TABLES]

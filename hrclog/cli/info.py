@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import json_option, logs_argument, number, print_json, table, tell
 
 if TYPE_CHECKING:
@@ -14,8 +15,9 @@ if TYPE_CHECKING:
 
 @click.command(name="info")
 @logs_argument
+@clock_option
 @json_option
-def command(logs: tuple[str, ...], as_json: bool) -> int:
+def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int:
     """Show what logs hold: files, runs, agents, events, span, and whether they were closed.
 
     \b
@@ -24,7 +26,7 @@ def command(logs: tuple[str, ...], as_json: bool) -> int:
     """
     from hrclog.log.reader import read_logs
 
-    read = read_logs(logs, signals=True)
+    read = read_logs(logs, signals=True, clocks=clocks)
     files, runs = _files(read), _runs(read)
     if as_json:
         print_json({"files": files, "runs": runs, "diagnostics": [finding.as_dict() for finding in read.diagnostics]})

@@ -12,6 +12,7 @@ import click
 
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import EXIT_FINE, Progress, json_option, logs_argument, print_json, tell
 from hrclog.cli.known_times import VARIABLE
 from hrclog.cli.names import NameOf
@@ -60,8 +61,9 @@ def command() -> None:
 @command.command(name="ingest")
 @logs_argument
 @kb_option
+@clock_option
 @json_option
-def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:
+def ingest(logs: tuple[str, ...], where: str, clocks: dict[str, int], as_json: bool) -> int:
     """Take in the runs of logs; what was taken in before adds nothing. Statistics stay as they are.
 
     \b
@@ -69,7 +71,7 @@ def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:
       hrclog kb ingest runs/*.mcap --kb kb.sqlite
     """
     with _open_kb(where, create=True) as kb:
-        ingested = _ingest(kb, logs)
+        ingested = _ingest(kb, logs, clocks)
         _print_result(_ingested_json(ingested), _ingested_text(ingested), as_json=as_json)
     return tell(ingested.diagnostics)
 
@@ -79,8 +81,16 @@ def ingest(logs: tuple[str, ...], where: str, as_json: bool) -> int:
 @kb_option
 @estimator_option
 @outliers_option
+@clock_option
 @json_option
-def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:
+def update(
+    logs: tuple[str, ...],
+    where: str,
+    estimator: str | None,
+    outliers: str | None,
+    clocks: dict[str, int],
+    as_json: bool,
+) -> int:
     """Bring statistics up to date; runs of the logs given are taken in first.
 
     \b
@@ -89,8 +99,10 @@ def update(logs: tuple[str, ...], where: str, estimator: str | None, outliers: s
     """
     from hrclog.analyzers.learning.ingest import Ingested, update_statistics
 
+    if clocks and not logs:
+        raise click.UsageError("--clock goes with LOG...")
     with _open_kb(where, create=bool(logs)) as kb:
-        ingested = _ingest(kb, logs) if logs else Ingested()
+        ingested = _ingest(kb, logs, clocks) if logs else Ingested()
         changed = update_statistics(kb, estimator, outliers)
         doubts = _doubts(kb)
         statistics_text = "statistics updated" if changed else "statistics are up to date"
@@ -219,8 +231,16 @@ def import_(source: Path, where: str, as_json: bool) -> int:
 @kb_option
 @estimator_option
 @outliers_option
+@clock_option
 @json_option
-def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: str | None, as_json: bool) -> int:
+def rebuild(
+    logs: tuple[str, ...],
+    where: str,
+    estimator: str | None,
+    outliers: str | None,
+    clocks: dict[str, int],
+    as_json: bool,
+) -> int:
     """Rebuild everything from logs and swap it in at once; withdrawals stay.
 
     \b
@@ -232,7 +252,7 @@ def rebuild(logs: tuple[str, ...], where: str, estimator: str | None, outliers: 
     reading = Progress("reading logs")
     with _open_kb(where, create=True) as kb:
         try:
-            ingested = rebuild_from(kb, logs, estimator, outliers, reading)
+            ingested = rebuild_from(kb, logs, estimator, outliers, reading, clocks=clocks)
         finally:
             reading.done()
         doubts = _doubts(kb)
@@ -249,12 +269,12 @@ def _open_kb(where: str, *, create: bool = False) -> Iterator[KnowledgeBase]:
         yield kb
 
 
-def _ingest(kb: KnowledgeBase, logs: tuple[str, ...]) -> Ingested:
+def _ingest(kb: KnowledgeBase, logs: tuple[str, ...], clocks: dict[str, int]) -> Ingested:
     from hrclog.analyzers.learning.ingest import ingest_logs
 
     reading = Progress("reading logs")
     try:
-        return ingest_logs(kb, logs, reading)
+        return ingest_logs(kb, logs, reading, clocks=clocks)
     finally:
         reading.done()
 

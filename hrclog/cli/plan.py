@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hrclog.analyzers.search.methods import METHODS, OBJECTIVES
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import json_option, print_json, tell
 from hrclog.cli.known_times import kb_option, known_times
 from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
     metavar="LOG",
     help="Plan the rest of an unfinished run, from its log.",
 )
+@clock_option
 @click.option("--show", is_flag=True, help="Draw the planned timelines.")
 @click.option("--random", "count", type=click.IntRange(min=1), metavar="N", help="Draw N different plans into -o DIR.")
 @click.option(
@@ -128,6 +130,8 @@ def _check_options(options: dict[str, Any]) -> None:
         raise click.UsageError(f"{' and '.join(job_options)} ask for different things: give one of them")
     if options["avoid"] and options["method"] != "not-neighboring":
         raise click.UsageError("--avoid FILE goes with --method not-neighboring")
+    if options["clocks"] and not options["run_log"]:
+        raise click.UsageError("--clock goes with --from LOG")
 
 
 def _check_output(options: dict[str, Any]) -> None:
@@ -192,7 +196,7 @@ def _replan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     from hrclog.analyzers.search.replan import plan_rest
     from hrclog.planning.run_state import run_state
 
-    events, code = _read_run(options["run_log"])
+    events, code = _read_run(options["run_log"], options["clocks"])
     state = run_state(events)
     _check_cell(problem, state.plan, options)
     result = plan_rest(problem, times, state, Objective(options["objective"]), options["seed"])
@@ -233,7 +237,7 @@ def _check_cell(problem: Problem, plan: Plan, options: dict[str, Any]) -> None:
             )
 
 
-def _read_run(path: Path) -> tuple[list[Event], int]:
+def _read_run(path: Path, clocks: dict[str, int]) -> tuple[list[Event], int]:
     """Return the events of a log that holds one run, and the exit code that its defects ask for.
 
     Raises:
@@ -241,14 +245,16 @@ def _read_run(path: Path) -> tuple[list[Event], int]:
     """
     from hrclog.errors import ScenarioError
     from hrclog.event_rows import from_row
+    from hrclog.log.clocks import on_one_clock
     from hrclog.log.reader import read_log
 
     logs = read_log(path)
-    code = tell(logs.diagnostics)
-    n_runs = logs.events["run_id"].drop_nulls().n_unique()
+    events, corrections = on_one_clock(logs.events, clocks)
+    code = tell([*logs.diagnostics, *corrections])
+    n_runs = events["run_id"].drop_nulls().n_unique()
     if n_runs != 1:
         raise ScenarioError(f"{path}: found {n_runs} runs, expected the log of one; hrclog info lists them")
-    return [from_row(row) for row in logs.events.sort("time_ns", "seq").iter_rows(named=True)], code
+    return [from_row(row) for row in events.sort("time_ns", "seq").iter_rows(named=True)], code
 
 
 def _end_ranges(prediction: Forecast) -> dict[str, tuple[float, float]]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import (
     Progress,
     bootstrap_options,
@@ -21,6 +22,7 @@ from hrclog.cli.common import (
     tell,
 )
 from hrclog.errors import HrclogError
+from hrclog.log.offsets import offset_text
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -76,6 +78,7 @@ def _ending_check(*allowed: str) -> Any:
 )
 @click.option("--png", type=click.Path(path_type=Path), metavar="DIR", help="Write each figure as a PNG file too.")
 @click.option("--svg", type=click.Path(path_type=Path), metavar="DIR", help="Write each figure as an SVG file too.")
+@clock_option
 @json_option
 def command(**options: Any) -> int:
     """Write what recorded runs tell into one HTML file: findings, figures, tables, single runs, methods.
@@ -153,6 +156,7 @@ def _analysis(options: Mapping[str, Any]) -> Analysis:
         seed=options["seed"],
         workers=options["workers"],
         on_draws=draws.advance,
+        clocks=options["clocks"],
     )
     draws.done()
     reading.done()
@@ -168,6 +172,10 @@ def _command(options: Mapping[str, Any]) -> str:
             "hrclog report",
             _logs_text(options["logs"]),
             *(f"--{name} {shlex.quote(str(options[name]))}" for name in names if options[name] != defaults[name]),
+            *(
+                f"--clock {shlex.quote(f'{agent}={offset_text(offset_ns)}')}"
+                for agent, offset_ns in sorted(options["clocks"].items())
+            ),
         ]
     )
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS, scored
+from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import Progress, json_option, outliers_option, tell
 from hrclog.cli.names import NameOf
 
@@ -48,8 +49,10 @@ if TYPE_CHECKING:
 @outliers_option
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the folds.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for score.json and all forecasts.")
+@clock_option
 @json_option
 def command(
+    *,
     logs: tuple[str, ...],
     cv: int | None,
     train: tuple[str, ...],
@@ -61,6 +64,7 @@ def command(
     outliers: str,
     seed: int,
     output: Path | None,
+    clocks: dict[str, int],
     as_json: bool,
 ) -> int:
     """Score how well estimators predict durations and makespans they have not seen.
@@ -84,13 +88,13 @@ def command(
         check_writable(output)
     names = tuple(dict.fromkeys(estimators)) or SCORED
     true = _true_pairs(truth) if truth else None
-    known, findings = _read_sessions(logs or train)
+    known, findings = _read_sessions(logs or train, clocks)
     predicting = Progress("predicting", len(names) * ((cv or 5) if logs else 1))
     predictions: Predictions
     if logs:
         predictions = cross_validate(known, cv or 5, seed, names, outliers, predicting)
     else:
-        tested, test_findings = _read_sessions(test)
+        tested, test_findings = _read_sessions(test, clocks)
         findings += test_findings
         if static:
             predictions = predict_static(known, tested, names, outliers, transfer_deviation, predicting)
@@ -127,12 +131,12 @@ def _check_usage(
         raise click.UsageError("--transfer-deviation goes with --static")
 
 
-def _read_sessions(paths: tuple[str, ...]) -> tuple[pl.DataFrame, list[Diagnostic]]:
+def _read_sessions(paths: tuple[str, ...], clocks: dict[str, int]) -> tuple[pl.DataFrame, list[Diagnostic]]:
     from hrclog.analyzers.projections.intervals import rebuild
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")
-    read = read_logs(paths, on_file=reading)
+    read = read_logs(paths, on_file=reading, clocks=clocks)
     reading.done()
     intervals, illegal = rebuild(read.events)
     return intervals, [*read.diagnostics, *illegal]

@@ -7,6 +7,7 @@ from statistics import mean, stdev
 from typing import TYPE_CHECKING, Any
 
 from hrclog.cli.common import number, printable, table
+from hrclog.diagnostic import TIMES_CORRECTED, TIMES_IN_DOUBT
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -15,11 +16,12 @@ if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
 
 _MOST_ROWS = 40
+_MOST_DOUBTS = 5
 
 
 def summary(analysis: Analysis, output: Path, drawn: int) -> str:
     """Return the tables that a person reads first; `drawn` runs have a recording of their own."""
-    parts = [_headline(analysis), _durations(analysis), _metrics(analysis), _synergies(analysis)]
+    parts = [_headline(analysis), _durations(analysis), _metrics(analysis), _synergies(analysis), _clocks(analysis)]
     runs = analysis.runs.height
     selection = (
         f" ({drawn} of {counted(runs, 'run')}, evenly spread; --recordings all draws each)" if drawn < runs else ""
@@ -140,6 +142,18 @@ def _untold_lines(synergies: pl.DataFrame) -> list[str]:
         UNOBSERVED: "of tasks never overlapped: not observed",
     }
     return [f"{counted(counts[status], 'pair')} {text}" for status, text in lines.items() if status in counts]
+
+
+def _clocks(analysis: Analysis) -> str:
+    """Return what was corrected in the times of agents, and what is in doubt."""
+    codes = (TIMES_CORRECTED, *TIMES_IN_DOUBT)
+    told = [diagnostic for diagnostic in analysis.diagnostics if diagnostic.code in codes]
+    lines = [f"  {printable(diagnostic.message)}" for diagnostic in told[:_MOST_DOUBTS]]
+    if len(told) > _MOST_DOUBTS:
+        lines.append(f"  ... and {len(told) - _MOST_DOUBTS} more, see analysis.json")
+    doubted = any(diagnostic.code in TIMES_IN_DOUBT for diagnostic in told)
+    title = "Times are in doubt, and with them the numbers above:" if doubted else "Times were corrected:"
+    return "\n".join([title, *lines]) if told else ""
 
 
 def _free(row: dict[str, Any]) -> str:

@@ -19,6 +19,8 @@ from hrclog.events import (
     TASK_KINDS,
     Role,
 )
+from hrclog.log.clock_checks import check_clocks
+from hrclog.log.never_set import check_speeds
 from hrclog.wording import counted
 
 _ROLES: Final = [role.value for role in Role]
@@ -85,6 +87,8 @@ def check_events(events: pl.DataFrame) -> list[Diagnostic]:
         *_newer(events),
         *_non_finite(events),
         *_invalid_values(events),
+        *check_speeds(events),
+        *check_clocks(events),
     ]
 
 

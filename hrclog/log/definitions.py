@@ -80,7 +80,7 @@ def fields_of(decoded: Any, names: Sequence[str]) -> Mapping[str, Any]:  # noqa:
 def _fields(definition: str) -> list[tuple[str, ...]]:
     main = definition.split(_SEPARATOR, maxsplit=1)[0]  # types that it uses follow
     lines = (line.split("#", maxsplit=1)[0].split() for line in main.splitlines())
-    return [tuple(words) for words in lines if words]
+    return [tuple(words[:2]) for words in lines if words]  # type and name, without the default
 
 
 @lru_cache(maxsize=8)

@@ -18,6 +18,7 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.log.bags import is_bag, open_bag
 from hrclog.log.checks import check_events, usable, without_copies
+from hrclog.log.clocks import NO_CLOCKS, Clocks, on_one_clock
 from hrclog.log.contents import Contents, Wanted
 from hrclog.log.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
 from hrclog.log.discover import BAG_METADATA, find_logs, plain_name, unread_logs
@@ -28,6 +29,7 @@ from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
 from hrclog.log.message import EVENTS
 from hrclog.log.nameless_runs import Joined, joined_splits, name_runs, named
+from hrclog.log.never_set import with_numbers, without_unset
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
 from hrclog.log.signals import SIGNAL_COLUMNS, merged_samples
@@ -56,7 +58,11 @@ class Logs:
 
 
 def read_logs(
-    arguments: Iterable[str | Path], *, signals: bool = False, on_file: Callable[[Path], None] = lambda _: None
+    arguments: Iterable[str | Path],
+    *,
+    signals: bool = False,
+    on_file: Callable[[Path], None] = lambda _: None,
+    clocks: Clocks = NO_CLOCKS,
 ) -> Logs:
     """Read logs, folders and globs.
 
@@ -64,9 +70,11 @@ def read_logs(
         arguments: what to read.
         signals: also read scalar and joint signals, and what was recorded of the scene.
         on_file: called after each file, for progress.
+        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
 
     Raises:
         LogReadError: nothing matched, or no file could be read at all.
+        HrclogError: no event names an agent of `clocks`.
     """
     arguments = [arguments] if isinstance(arguments, str | Path) else list(arguments)
     paths = _find_paths(arguments)
@@ -76,13 +84,17 @@ def read_logs(
     if not parts:
         failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
         raise LogReadError(paths[0].parent, failure_text, "at least one log")
-    logs = _combine(parts, failures)
+    logs = _combine(parts, failures, clocks)
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in unread_logs(arguments, paths)]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 
-def read_events(paths: str | Path | Iterable[str | Path]) -> pl.DataFrame:
+def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO_CLOCKS) -> pl.DataFrame:
     """Read the events of logs, folders and globs, ordered by (run_id, time_ns, seq).
+
+    Args:
+        paths: what to read.
+        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
 
     Returns:
         One row per event with the columns of `hrclog.log.message.EVENTS`; instants in ns on the recorder's clock,
@@ -90,11 +102,12 @@ def read_events(paths: str | Path | Iterable[str | Path]) -> pl.DataFrame:
 
     Raises:
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
+        HrclogError: no event names an agent of `clocks`.
     """
     parts, failures = _read_all(_find_paths([paths] if isinstance(paths, str | Path) else list(paths)))
     if failures:
         raise failures[0]
-    return _combine(parts, []).events
+    return _combine(parts, [], clocks).events
 
 
 def _find_paths(arguments: list[str | Path]) -> list[Path]:
@@ -278,7 +291,7 @@ def _renamed(log: Logs, joined: Joined) -> Logs:
     return Logs(named(log.events, names), named(log.signals, names), diagnostics, log.paths, scene)
 
 
-def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
+def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks) -> Logs:
     # the result does not depend on the order of the arguments
     parts = _join_splits(sorted(parts, key=lambda part: part.paths))
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
@@ -287,8 +300,11 @@ def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
         for failure in sorted(failures, key=lambda failure: failure.path)
     ]
     events, copies = without_copies(pl.concat([part.events for part in parts]))
-    events = events.select(EVENTS.names()).sort(ORDER, maintain_order=True)
-    diagnostics += [*copies, *check_events(events)]
+    events, unset = without_unset(events.select(EVENTS.names()))
+    events, unnumbered = with_numbers(events)
+    events, corrections = on_one_clock(events, clocks)
+    events = events.sort(ORDER, maintain_order=True)
+    diagnostics += [*copies, *unset, *unnumbered, *corrections, *check_events(events)]
     events = usable(events)
     samples = merged_samples([part.signals for part in parts])
     paths = [path for part in parts for path in part.paths]

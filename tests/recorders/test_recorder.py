@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import polars as pl
@@ -19,7 +20,7 @@ from mcap.reader import make_reader
 from scenes import ARM_URDF, cell_scene
 
 import hrclog
-from hrclog import Recorder
+from hrclog import Recorder, intervals
 from hrclog.errors import IllegalEventError, InvalidEventError, LogExistsError, LogReadError, LogWriteError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import Event, Heartbeat, RunEnded, TaskDispatched, TaskStarted
@@ -204,7 +205,7 @@ def test_all_other_events_have_a_method(path: Path) -> None:
         recorder.sync_clock("robot", 12345)
         recorder.change_plan({"a": []}, "delay")
         recorder.heartbeat("robot")
-    events = logged(path, "time_not_monotonic")
+    events = logged(path, "time_not_monotonic", "log_times_untimely")
     by_kind = {event.kind: event for event in events}
     safety: Any = by_kind["safety_state_changed"]
     assert (safety.agent, safety.mode, safety.speed_scale, safety.zone, safety.time_ns) == (
@@ -640,7 +641,7 @@ def test_an_event_of_any_class_may_be_recorded(path: Path) -> None:
     with Recorder(path) as recorder:
         event = recorder.record(TaskDispatched(time_ns=3, agent="robot", task="pick", execution_id="e", seq=99))
     assert (event.run_id, event.seq, event.time_ns) == (recorder.run_id, 1, 3)
-    assert event in logged(path, "time_not_monotonic")
+    assert event in logged(path, "time_not_monotonic", "log_times_shifted")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -678,8 +679,47 @@ def test_a_clock_that_is_set_back_while_the_run_was_stopped_does_not_run_backwar
     with Recorder(path, resume=True, clock_ns=lambda: 10**9) as recorder:
         recorder.end(task.execution_id)
     logs = read_logs([path, path.with_name("run.2.mcap")])
-    assert [finding.code for finding in logs.diagnostics] == []
+    assert [finding.code for finding in logs.diagnostics] == ["clock_put_back"]
     assert logs.events["time_ns"].to_list() == [10**15] * logs.events.height
+
+
+@settings(max_examples=10)
+@given(st.lists(st.integers(-(10**13), 10**13), min_size=1, max_size=3), st.integers(1, 10**11))
+def test_however_the_clock_is_put_while_a_run_is_stopped_its_tasks_keep_their_lengths(
+    shifts: list[int], length_ns: int
+) -> None:
+    now = [10**15]
+
+    def work(recorder: Recorder) -> None:
+        for _ in range(2):
+            task = recorder.start("robot", "fetch")
+            now[0] += length_ns
+            task.end()
+            now[0] += 5
+
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        with Recorder(path, clock_ns=lambda: now[0]) as recorder:
+            work(recorder)
+        true_ns, last_ns = now[0], now[0]
+        told: list[int] = []
+        for shift in shifts:
+            now[0] = true_ns + shift
+            told += [last_ns - now[0]] if now[0] < last_ns else []
+            last_ns = max(last_ns, now[0])
+            with Recorder(path, resume=True, clock_ns=lambda: now[0]) as recorder:
+                before = now[0]
+                work(recorder)
+                last_ns += now[0] - before
+        logs = read_logs(folder)
+        executions = intervals(logs.events)
+        assert set(executions["end_ns"] - executions["start_ns"]) == {length_ns}
+        put_back = [finding for finding in logs.diagnostics if finding.code == "clock_put_back"]
+        details = logs.events.filter(logs.events["kind"] == "run_started").sort("seq")["details"]
+        recorded = [parse_details(text).get("clock_shift_ns") for text in details]
+        assert [shift for shift in recorded if shift is not None] == told
+        assert {finding.code for finding in logs.diagnostics} <= {"clock_put_back"}
+        assert len(put_back) == len(told)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,145 @@
+"""Fields that a writer never set: ROS gives them 0, which is no instant, no duration and no number of an event."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import polars as pl
+
+from hrclog.diagnostic import Diagnostic
+from hrclog.events import LATEST_NS, TASK_KINDS
+from hrclog.wording import counted
+
+_FAR_NS: Final = 30 * 86_400 * 10**9
+_FAR_TEXT: Final = "30 days"
+_PLANNED: Final = ("planned_start_ns", "planned_end_ns")
+_BESIDE: Final = ("planned_duration_s", "planning_time_s", "path_length", "speed_scale")
+_STOP: Final = r"(?i)stop|halt|hold|paus|still|emergency|fault|violat|lock|brake|\b(sto|sos|ss[012])\b"
+"""What names a stop in the mode of a safety function; the last are words of IEC 61800-5-2."""
+
+
+def without_unset(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
+    """Unset planned instants far from their event, the zeros beside them, and other zeros that no writer means.
+
+    Args:
+        events: an events frame.
+
+    Returns:
+        The events, and a diagnostic per file and run whose values count as unset.
+    """
+    if not _may_hold_unset(events):
+        return events, []
+    unset = _unset_values(events)
+    flags = events.select("path", "run_id", "seq", **unset)
+    counts = (
+        flags.filter(pl.any_horizontal(unset.keys()))
+        .group_by("path", "run_id", maintain_order=True)
+        .agg(pl.col("seq").first(), pl.col(*unset).sum())
+    )
+    if counts.is_empty():
+        return events, []
+    cleaned = events.with_columns(
+        pl.when(expression).then(pl.lit(1 if name == "attempt" else None)).otherwise(pl.col(name)).alias(name)
+        for name, expression in unset.items()
+    ).cast({name: events.schema[name] for name in unset})
+    return cleaned, [_unset_diagnostic(row) for row in counts.iter_rows(named=True)]
+
+
+def _may_hold_unset(events: pl.DataFrame) -> bool:
+    """Return whether any value may have been left at 0; reading a log where none was costs little more than this."""
+    # columns by themselves: on a small log each select takes as long as decoding some events
+    times = events["time_ns"]
+    for name in _PLANNED:
+        farthest = (events[name] - times).abs().max()
+        if isinstance(farthest, int) and farthest > _FAR_NS:
+            return True
+    if any((events[name] == 0).any() for name in ("planned_duration_s", "agent_time_ns")):
+        return True
+    return not set(events["kind"].filter(events["attempt"] == 0).unique()).isdisjoint(TASK_KINDS)
+
+
+def _unset_values(events: pl.DataFrame) -> dict[str, pl.Expr]:
+    """Return by column which of its values count as unset; planned instants come first."""
+    time = pl.col("time_ns")
+    is_instant = time.is_between(-LATEST_NS, LATEST_NS)
+    start, end = (pl.col(name) for name in _PLANNED)
+    # simulated time begins at 0, where a planned 0 is not far
+    all_zero = (start == 0) & (end == 0) & (pl.col("planned_duration_s") == 0)
+    unset: dict[str, pl.Expr] = {}
+    for name in _PLANNED:
+        if events[name].null_count() < events.height:
+            planned = pl.col(name)
+            far = planned.is_between(-LATEST_NS, LATEST_NS) & ((planned - time).abs() > _FAR_NS)
+            unset[name] = (is_instant & (far | all_zero)).fill_null(value=False)
+    if unset or (events["planned_duration_s"] == 0).any():
+        # a definition with defaults leaves instants unset, and cannot do so with floats
+        beside = pl.any_horizontal(*unset.values(), pl.all_horizontal(pl.col(name) == 0 for name in _BESIDE[:3]))
+        unset |= {name: (beside & (pl.col(name) == 0)).fill_null(value=False) for name in _BESIDE}
+        unset["speed_scale"] &= pl.col("kind") != "safety_state_changed"
+    unset["agent_time_ns"] = ((pl.col("agent_time_ns") == 0) & (time.abs() > _FAR_NS)).fill_null(value=False)
+    if (events["attempt"] == 0).any():
+        unset["attempt"] = (pl.col("attempt") == 0) & pl.col("kind").is_in(TASK_KINDS)
+    return unset
+
+
+def _unset_diagnostic(counts: dict[str, object]) -> Diagnostic:
+    numbers = {name: count for name, count in counts.items() if isinstance(count, int) and name != "seq" and count}
+    columns = ", ".join(f"{name} in {counted(count, 'event')}" for name, count in numbers.items())
+    why = f"0, or more than {_FAR_TEXT} from the run, as a node leaves what it never sets"
+    text = f"{columns}: {why}; they count as unset{' (attempt as 1)' if 'attempt' in numbers else ''}"
+    return Diagnostic("never_set", text, str(counts["path"]), str(counts["run_id"]))
+
+
+def with_numbers(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
+    """Number the events of runs in which every `seq` is 0, in the order of writing.
+
+    Args:
+        events: an events frame, the events of each file in the order of writing.
+
+    Returns:
+        The events, and a diagnostic per run that was numbered.
+    """
+    zeros = events["run_id"].filter(events["seq"] == 0)
+    if zeros.n_unique() == zeros.len():
+        return events, []
+    several = zeros.filter(zeros.is_duplicated()).unique()
+    of_run = events.filter(pl.col("run_id").is_in(several.implode()))
+    never_set = (
+        of_run.group_by("run_id", maintain_order=True)
+        .agg(pl.col("path").first(), pl.len(), (pl.col("seq") != 0).any().alias("counts"))
+        .filter(~pl.col("counts"))
+    )
+    written = pl.int_range(pl.len(), dtype=pl.Int64).over("run_id")
+    is_unnumbered = pl.col("run_id").is_in(never_set["run_id"].implode())
+    numbered = events.with_columns(pl.when(is_unnumbered).then(written).otherwise(pl.col("seq")).alias("seq"))
+    return numbered, [
+        Diagnostic(
+            "seq_never_set",
+            f"seq is 0 in all {count:,} events, so it was never set: they are in the order of time and of writing, and "
+            "whether some are missing is not known",
+            path,
+            run_id,
+        )
+        for run_id, path, count in never_set.select("run_id", "path", "len").iter_rows()
+    ]
+
+
+def check_speeds(events: pl.DataFrame) -> list[Diagnostic]:
+    """Question speed scales of 0 beside a mode that is no stop."""
+    if not (events["speed_scale"] == 0).any():
+        return []
+    columns = events.select("path", "run_id", "agent", "mode", "seq", "kind", "speed_scale")
+    stopped = columns.filter(pl.col("speed_scale") == 0).filter(pl.col("kind") == "safety_state_changed")
+    doubtful = stopped.filter((pl.col("mode") != "") & ~pl.col("mode").str.contains(_STOP))
+    groups = doubtful.group_by("path", "run_id", "agent", "mode", maintain_order=True)
+    return [
+        Diagnostic(
+            "doubtful_speed",
+            f"speed_scale is 0 beside mode {mode!r} in {counted(count, 'event')} of {agent!r}: a stop, or never set? "
+            "Stop times and mean speeds take it for a stop",
+            path,
+            run_id,
+            seq,
+        )
+        for path, run_id, agent, mode, seq, count in groups.agg(pl.col("seq").first(), pl.len()).iter_rows()
+    ]
