@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from hrclog.analyzers.exporters.exporters import EXPORTERS
-from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
+from hrclog.cli.common import Progress, echo, json_option, logs_argument, print_json, tell
 from hrclog.cli.names import NameOf
 from hrclog.wording import counted
 
@@ -52,5 +52,5 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
     else:
         for path, rows in written:
-            click.echo(f"{path}: {counted(rows, 'row')}")
+            echo(f"{path}: {counted(rows, 'row')}")
     return tell(analysis.diagnostics)

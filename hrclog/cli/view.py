@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 import click
 
-from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, printable, tell
+from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, echo, tell
 from hrclog.errors import HrclogError, LogReadError
 from hrclog.wording import counted
 
@@ -93,9 +93,9 @@ def _open_recordings(target: Path, names: tuple[str, ...], web_port: int | None,
     if chosen is None:
         chosen, code = _analyse(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")))
     if chosen.note:
-        click.echo(printable(chosen.note), err=True)
+        echo(chosen.note, err=True)
     if len(chosen.paths) > 1:
-        click.echo(f"{len(chosen.paths)} recordings: the panel on the left (Ctrl-Shift-B) lists them", err=True)
+        echo(f"{len(chosen.paths)} recordings: the panel on the left (Ctrl-Shift-B) lists them", err=True)
     return code if open_viewer(chosen.paths, web_port) == 0 else EXIT_FAILED
 
 
@@ -111,7 +111,7 @@ def _analyse(target: Path, names: tuple[str, ...], folder: Path) -> tuple[Chosen
     reading.done()
     _check_content(target, analysis)
     chosen = matching_runs(analysis.runs, names, target) if names else drawn_runs(analysis.runs, MOST_RUNS)
-    click.echo(printable(f"analysing {target} into {folder}"), err=True)
+    echo(f"analysing {target} into {folder}", err=True)
     save(analysis, folder, most_recordings=0)
     drawing = Progress("drawing runs", len(chosen))
     paths = draw(analysis, chosen, folder, drawing)
@@ -143,7 +143,7 @@ def _follow_runs(folder: Path, web_port: int | None, every_s: float, until_idle_
     list_folder(folder)
     with _Stop() as stop, running_viewer(web_port) as viewer:
         if viewer.page:
-            click.echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
+            echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
         # after its window is closed, Rerun would print here that it cannot send data
         os.environ.setdefault("RUST_LOG", "off")
         from hrclog.analyzers.live.follow import Followed, follow
@@ -161,14 +161,14 @@ def _follow_runs(folder: Path, web_port: int | None, every_s: float, until_idle_
                 enough,
                 every_s=every_s,
                 until_idle_s=until_idle_s,
-                tell=lambda text: click.echo(printable(text), err=True),
+                tell=lambda text: echo(text, err=True),
                 on_file=reading,
                 followed=followed,
             )
         finally:
             reading.done()
             n_runs, n_ended = len(followed.runs), len(followed.ended)
-            click.echo(f"followed {counted(n_runs, 'run')}, {n_ended:,} ended", err=True)
+            echo(f"followed {counted(n_runs, 'run')}, {n_ended:,} ended", err=True)
         code = viewer.process.poll()
     if code:
         raise HrclogError(f"the Rerun viewer ended with code {code}")
