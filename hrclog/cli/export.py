@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -10,6 +11,9 @@ from hrclog.analyzers.exporters.exporters import EXPORTERS
 from hrclog.cli.common import Progress, echo, json_option, logs_argument, print_json, tell
 from hrclog.cli.names import NameOf
 from hrclog.wording import counted
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.exporters.exporter import Exporter
 
 TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics", "signals")
 
@@ -28,8 +32,15 @@ TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "syne
 @click.option(
     "--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]"
 )
+@click.option(
+    "--keep-formulas",
+    is_flag=True,
+    help="Of csv: leave texts as they are that a spreadsheet would run; else they get a leading '.",
+)
 @json_option
-def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, ...], as_json: bool) -> int:
+def command(
+    logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, ...], keep_formulas: bool, as_json: bool
+) -> int:
     """Write events, intervals, overlaps, durations, synergies, runs, metrics and signals as CSV or Parquet.
 
     Instants are whole nanoseconds, durations seconds. The columns are described in docs/tables.md.
@@ -42,11 +53,13 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
     from hrclog.analyzers.exporters.exporter import write_table
     from hrclog.analyzers.output import check_writable
 
+    if keep_formulas and kind != "csv":
+        raise click.UsageError(f"--keep-formulas is for --format csv; {kind} keeps all texts as they are")
     check_writable(output)
     reading = Progress("reading logs")
     analysis = analyze(logs, on_file=reading)
     reading.done()
-    exporter = EXPORTERS[kind]
+    exporter = _exporter(kind, keep_formulas=keep_formulas)
     written = [write_table(exporter, getattr(analysis, name), output, name) for name in tables or TABLES]
     if as_json:
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
@@ -54,3 +67,9 @@ def command(logs: tuple[str, ...], output: Path, kind: str, tables: tuple[str, .
         for path, rows in written:
             echo(f"{path}: {counted(rows, 'row')}")
     return tell(analysis.diagnostics)
+
+
+def _exporter(kind: str, *, keep_formulas: bool) -> Exporter:
+    from hrclog.analyzers.exporters.tables import Csv
+
+    return Csv(keep_formulas=True) if keep_formulas else EXPORTERS[kind]
