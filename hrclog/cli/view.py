@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import os
-import signal
 import tempfile
-import threading
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import click
 
@@ -137,11 +134,12 @@ def _check_content(target: Path, analysis: Analysis) -> None:
 
 
 def _follow_runs(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
+    from hrclog.analyzers.rerun.stop_request import StopRequest
     from hrclog.analyzers.rerun.viewer import running_viewer
     from hrclog.log.watch import list_folder
 
     list_folder(folder)
-    with _Stop() as stop, running_viewer(web_port) as viewer:
+    with StopRequest() as stop, running_viewer(web_port) as viewer:
         if viewer.page:
             echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
         # after its window is closed, Rerun would print here that it cannot send data
@@ -173,29 +171,3 @@ def _follow_runs(folder: Path, web_port: int | None, every_s: float, until_idle_
     if code:
         raise HrclogError(f"the Rerun viewer ended with code {code}")
     return EXIT_FINE
-
-
-class _Stop:
-    """Handles SIGINT and SIGTERM inside a `with` block: the first signal is a request to stop."""
-
-    def __init__(self) -> None:
-        self._requested = threading.Event()
-
-    def __enter__(self) -> Self:
-        self._before = {number: signal.signal(number, self._request_stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._restore()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait for some seconds or until a stop is requested; return whether it was requested."""
-        return self._requested.wait(seconds)
-
-    def _request_stop(self, number: int, frame: FrameType | None) -> None:
-        self._requested.set()
-        self._restore()
-
-    def _restore(self) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
