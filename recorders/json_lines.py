@@ -28,6 +28,7 @@ _RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode
 _SIGNAL_FIELDS: Final = ("kind", "name", "value", "values", "time_ns")
 _UNITS: Final = (("seconds", 1), ("milliseconds", 10**3), ("microseconds", 10**6))
 _FIRST_S: Final = 946_684_800  # 2000-01-01
+_LONGEST: Final = 80  # characters of a strange value
 _LARGEST: Final = int(sys.float_info.max)
 _LAST_S: Final = 4_102_444_800  # 2100-01-01
 
@@ -159,10 +160,15 @@ def _signal_name(name: object) -> str:
 
 
 def _signal_value(name: object, value: object) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or (isinstance(value, int) and abs(value) > _LARGEST):
-        raise InvalidEventError(f"signal: the value of {name!r} is {str(value)[:20]!r}, expected a number of 64 bits")
-    return float(value)
+    is_too_large = isinstance(value, int) and abs(value) > _LARGEST
+    if isinstance(value, int | float) and not isinstance(value, bool) and not is_too_large:
+        return float(value)
+    raise InvalidEventError(f"signal: the value of {name!r} is {_short(value)}, expected a number of 64 bits")
+
+
+def _short(value: object) -> str:
+    """Return how a value is written, or that it is a large number: Python refuses to write the largest."""
+    return "a larger number" if isinstance(value, int) and abs(value) > _LARGEST else repr(value)[:_LONGEST]
 
 
 def _check_fields(value: Mapping[str, Any], known_names: tuple[str, ...]) -> None:

@@ -154,7 +154,7 @@ def _plain_bytes(source: Path) -> tuple[bytes, bool]:
         raise ImportDataError(source, content, "a dump of task_results") from error
 
 
-def _unpacked(source: Path, stream: IO[bytes] | io.RawIOBase) -> tuple[bytes, bool]:
+def _unpacked(source: Path, stream: io.BufferedIOBase | io.RawIOBase | IO[bytes]) -> tuple[bytes, bool]:
     from zstandard import ZstdError
 
     pieces, size = [], 0
