@@ -30,6 +30,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "invalid_outcome": ("error", "an outcome is not in the vocabulary; the execution's outcome is unknown"),
     "invalid_time": ("error", "an event's instant is more than 73 years from 1970; the event was skipped"),
     "conflicting_runs": ("error", "two different runs carry the same id; their events cannot be told apart"),
+    "unknown_outcome": ("error", "an outcome of the source has no known meaning; the message says what it counts as"),
     "skipped_row": ("error", "a row of the source could not be imported"),
     "no_events": ("error", "the file is readable but carries no events"),
     # worth a look, nothing lost
@@ -64,6 +65,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     ),
     "clock_put_back": ("warning", "the recorder's clock was put back before a run went on; later times were shifted"),
     "time_not_monotonic": ("warning", "times run backwards against the order of writing; the times were believed"),
+    "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),

@@ -117,8 +117,12 @@ def parse_details(text: str, kind: str = "event") -> dict[str, Any]:
     return details
 
 
-def check_row(row: Mapping[str, Any]) -> None:
+def check_row(row: Mapping[str, Any], *, may_lack_outcome: bool = False) -> None:
     """Raise if a row that is about to be written says something that the vocabulary forbids.
+
+    Args:
+        row: the flat columns.
+        may_lack_outcome: whether the end of a task may tell no outcome.
 
     Raises:
         InvalidEventError: names the field, what was found and what is allowed.
@@ -130,7 +134,8 @@ def check_row(row: Mapping[str, Any]) -> None:
             if not row[name].strip():
                 raise InvalidEventError(f"{kind}: {name} is empty, expected a name")
         _check_word(row, "role", _ROLES)
-    if kind in ("task_ended", "run_ended"):
+    is_unset = may_lack_outcome and kind == "task_ended" and not row["outcome"]
+    if kind in ("task_ended", "run_ended") and not is_unset:
         _check_word(row, "outcome", _OUTCOMES)
     if kind == "task_paused":
         _check_word(row, "cause", _CAUSES)

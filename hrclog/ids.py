@@ -8,6 +8,8 @@ import time
 import uuid
 from collections.abc import Callable
 
+from hrclog.forks import renew_after_fork
+
 NAMESPACE = uuid.uuid5(uuid.NAMESPACE_URL, "hrclog")
 """Root of all derived identifiers."""
 
@@ -41,6 +43,11 @@ class Uuid7Generator:
         self._lock = threading.Lock()
         self._last_ms = -1
         self._tail = 0
+        renew_after_fork(self)
+
+    def renew_after_fork(self) -> None:
+        """Make the lock anew: a thread of the process that was forked may have held it."""
+        self._lock = threading.Lock()
 
     def __call__(self) -> str:
         """Return a new identifier, larger than all before it."""

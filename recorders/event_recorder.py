@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from hrclog.errors import IllegalEventError
 from hrclog.events import CLOCK_SHIFT, Event, Outcome, RunEnded, RunStarted, TaskFact
+from hrclog.forks import renew_after_fork
 from hrclog.log.encode import Signal, event_message, run_metadata, signal_message
 from hrclog.log.journal import Journal, journal_path
 from hrclog.log.lanes import Lanes
@@ -51,7 +52,9 @@ class EventRecorder:
         self.path = segment.path
         self.run_id = segment.run_id
         self._clock_ns = clock_ns
+        self._journal: Journal | None = None
         self._lock = threading.RLock()
+        renew_after_fork(self)
         self._seq = segment.next_seq
         self._states: dict[str, ExecutionState] = dict(segment.states)
         self._facts: dict[str, TaskFact] = dict(segment.facts)
@@ -64,7 +67,6 @@ class EventRecorder:
         self._pid = os.getpid()
         for handle in self.open_executions():
             self._lanes.begin(handle.fact)
-        self._journal: Journal | None = None
         if self._shift_ns:
             started = replace(started, details={**started.details, CLOCK_SHIFT: self._shift_ns})
         self._open(started, Journal(journal_path(self.path), fsync=fsync))
@@ -144,6 +146,12 @@ class EventRecorder:
             journal, self._journal = self._journal, None
             journal.close()
             recover(journal.path, self.path)
+
+    def renew_after_fork(self) -> None:
+        """Let go of the journal, and wait for no thread left behind, in a process forked from the recorder's."""
+        self._lock = threading.RLock()
+        if self._journal is not None:
+            self._journal.close()  # else its lock would outlive the process that records
 
     def _open(self, started: RunStarted, journal: Journal) -> None:
         """Write the first event, or leave no journal behind."""

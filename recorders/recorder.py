@@ -54,6 +54,7 @@ class Recorder(EventRecorder):
         dispatch_mode: how tasks are handed out.
         software: names and versions worth keeping.
         seed: of whatever is random.
+        details: anything else about the run that JSON can hold.
         time_ns: when the run began.
         resume: continue the run that is at `path`, in a further segment beside it.
         fsync: each event also survives a crash of the operating system, at 1-4 ms per event.
@@ -66,7 +67,7 @@ class Recorder(EventRecorder):
         InvalidEventError: an argument cannot be written.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what is known of a run
         self,
         path: str | Path,
         run: str = "",
@@ -77,12 +78,13 @@ class Recorder(EventRecorder):
         dispatch_mode: str = "",
         software: Mapping[str, str] | None = None,
         seed: int | None = None,
+        details: Mapping[str, Any] | None = None,
         time_ns: int | None = None,
         resume: bool = False,
         fsync: bool = False,
         clock_ns: Callable[[], int] | None = None,
     ) -> None:
-        _check_facts(run, agents, software, seed)
+        check_facts(run, agents, software, seed)
         target = log_path(path)
         segment = next_segment(target) if resume else first_segment(target)
         started = RunStarted(
@@ -95,6 +97,7 @@ class Recorder(EventRecorder):
             software=as_details(software),
             seed=seed,
             segment=segment.number,
+            details=as_details(details),
         )
         super().__init__(segment, started, fsync=fsync, clock_ns=clock_ns or steady_clock())
 
@@ -300,8 +303,12 @@ class Recorder(EventRecorder):
         self.record(Heartbeat(time_ns=NOW, agent=agent))
 
 
-def _check_facts(run: object, agents: object, software: object, seed: object) -> None:
-    """Raise if what is known of a run has the wrong type: these come from users' files too."""
+def check_facts(run: object, agents: object, software: object, seed: object) -> None:
+    """Raise if what is known of a run has the wrong type: these come from users' files too.
+
+    Raises:
+        InvalidEventError: says which fact is wrong.
+    """
     is_list = isinstance(agents, list | tuple) and all(isinstance(agent, str) and agent.strip() for agent in agents)
     is_map = isinstance(software, Mapping) and all(isinstance(text, str) for text in (*software, *software.values()))
     checks = {

@@ -1,25 +1,34 @@
-"""Record events that another program writes as JSON lines."""
+"""Record the runs that another program writes as JSON lines: a log for each."""
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from itertools import chain
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
-from typing import Any, Final
+from types import TracebackType
+from typing import Any, Final, Self
 
-from hrclog.errors import IllegalEventError, InvalidEventError
-from hrclog.event_rows import from_row, parse_details
-from hrclog.events import COLUMNS, TASK_KINDS, Event, Outcome, Role, RunStarted, UnknownEvent
-from hrclog.ids import new_id
-from hrclog.log.json_rows import parse_object, row_from_object
-from hrclog.recorders.recorder import Recorder, log_path
+from hrclog.errors import IllegalEventError, InvalidEventError, LogWriteError
+from hrclog.events import TASK_KINDS, Event, Outcome, RunEnded, RunStarted
+from hrclog.log.files import exists
+from hrclog.log.journal import journal_path
+from hrclog.log.json_rows import parse_object
+from hrclog.recorders.json_lines import (
+    BEGINNINGS,
+    SIGNAL,
+    Sample,
+    check_first,
+    check_unit,
+    event_of,
+    run_facts,
+    sample_of,
+    start_fact,
+)
+from hrclog.recorders.recorder import Recorder, check_facts, log_path
 from hrclog.recorders.segments import first_segment
-from hrclog.recorders.task_handle import instant
 from hrclog.wording import counted
 
-_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed")
 _BYTE_ORDER_MARK: Final = "\ufeff"
 
 
@@ -33,11 +42,19 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """The result of recording a stream of lines."""
+    """A run that was recorded, in its finished log."""
 
     path: Path
     run_id: str
     n_events: int
+    n_samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """The result of recording a stream of lines."""
+
+    runs: list[Recorded]
     refused: list[Refused]
 
 
@@ -49,157 +66,210 @@ def record_stream(
     resume: bool = False,
     fsync: bool = False,
     on_event: Callable[[Event], None] = lambda _: None,
+    on_sample: Callable[[Sample], None] = lambda _: None,
     on_refusal: Callable[[Refused], None] = lambda _: None,
+    on_run: Callable[[Recorded], None] = lambda _: None,
     outcome: Callable[[], str] = lambda: Outcome.SUCCEEDED,
-) -> Recorded:
-    """Record a run from JSON lines until they end.
+) -> Recording:
+    """Record runs from JSON lines until they end.
 
-    The run begins with its first line. A `run_started` line gives the name, the agents and its other fields. Any other
-    first line gives only the start of the run, by its `time_ns` if it has one. The run ends at the `time_ns` of its
-    last line, if that line has one.
+    A line is an event with the fields of `TaskEvent`, or a sample of signals. `kind` must be there. `time_ns` defaults
+    to now, `outcome` to succeeded; `run_id` and `seq` are the recorder's. A start without an `execution_id` gets a new
+    one; another task event without one means the open execution of that agent and task. Unknown fields are refused;
+    further facts belong into `details`. Empty lines are passed over.
+
+    A run begins with the first line that can be recorded, at its `time_ns` if it has one. A `run_started` line also
+    gives the name, the agents and its other fields. A run ends with `run_ended`, with the `run_started` of another run,
+    or with the lines; where no `run_ended` ends it, then at the `time_ns` of its last line, if that line has one. The
+    first run goes to `path`, each further one to the first free name of NAME-run2.mcap, NAME-run3.mcap and so on.
 
     Args:
-        lines: text lines, see `record_lines`.
-        path: the log to be.
-        run: name of the run; default what a first `run_started` says, or the file's.
-        resume: continue the run that is at `path`.
+        lines: text lines.
+        path: the log of the first run; missing folders are made.
+        run: name of the first run; default what its `run_started` says, or the file's.
+        resume: the first run continues the one that is at `path`.
         fsync: each event also survives a crash of the operating system.
         on_event: called after each event has been written.
+        on_sample: called after each sample has been written.
         on_refusal: called for each line that is not recorded, at once.
-        outcome: asked at the end for the outcome of a run that no `run_ended` ended.
+        on_run: called after each log has been finished.
+        outcome: asked for the outcome of a run that no `run_ended` ended.
 
     Raises:
+        InvalidEventError: lines were given, and none can be recorded; nothing is written.
         LogExistsError: the log exists.
-        LogWriteError: the log cannot be written.
+        LogWriteError: a log cannot be written.
     """
     if not resume:
         first_segment(log_path(path))  # say so before waiting for input
-    rest = iter(lines)
-    head = list(_lines_until_text(rest))
-    opening, consumed = _opening_facts(head[-1]) if head else ({}, 0)
-    facts = {"run": run or opening.pop("name", ""), **opening}
-    with _open_recorder(path, facts, len(head), resume=resume, fsync=fsync) as recorder:
-        remaining = chain(head[len(head) - 1 + consumed :], rest)
-        first_number = max(len(head), 1) + consumed
-        n_events, refused, last_ns = record_lines(remaining, recorder, on_event, on_refusal, first_number)
-        recorder.close(outcome(), time_ns=last_ns)
-    return Recorded(recorder.path, recorder.run_id, n_events, refused)
+    hooks = _Hooks(on_event, on_sample, on_refusal, on_run, outcome)
+    with _Runs(log_path(path), run, resume=resume, fsync=fsync, hooks=hooks) as runs:
+        for number, line in enumerate(lines, 1):
+            runs.take_line(number, line if number > 1 else line.removeprefix(_BYTE_ORDER_MARK))
+        runs.end()
+    return Recording(runs.finished, runs.refused)
 
 
-def record_lines(
-    lines: Iterable[str],
-    recorder: Recorder,
-    on_event: Callable[[Event], None] = lambda _: None,
-    on_refusal: Callable[[Refused], None] = lambda _: None,
-    first_number: int = 1,
-) -> tuple[int, list[Refused], int | None]:
-    """Record one event per line: a JSON object with the fields of `TaskEvent`.
+@dataclass(frozen=True, slots=True)
+class _Hooks:
+    """What is called on the way, see `record_stream`."""
 
-    `kind` must be there. `time_ns` defaults to now, `outcome` to succeeded; `run_id` and `seq` are the recorder's. A
-    start without an `execution_id` gets a new one; another task event without one means the open execution of that
-    agent and task. Unknown fields are refused; further facts belong into `details`.
+    on_event: Callable[[Event], None]
+    on_sample: Callable[[Sample], None]
+    on_refusal: Callable[[Refused], None]
+    on_run: Callable[[Recorded], None]
+    outcome: Callable[[], str]
 
-    Args:
-        lines: text lines; empty ones are passed over.
-        recorder: takes the events.
-        on_event: called after each event has been written.
-        on_refusal: called for each line that is not recorded, at once.
-        first_number: of the first of these lines.
 
-    Returns:
-        How many events were recorded, the lines that were refused, and the instant of the last event if its line
-        said when it happened.
-    """
-    count = 0
+@dataclass(slots=True)
+class _OpenRun:
+    """A run that is being recorded: its recorder, the `run_started` line that began it, and its counts so far."""
+
+    recorder: Recorder
+    start_ns: int
+    opening: Mapping[str, Any] | None
+    n_events: int = 0
+    n_samples: int = 0
     last_ns: int | None = None
-    refused: list[Refused] = []
-    for number, line in enumerate(lines, first_number):
+
+    def take(self, value: Mapping[str, Any]) -> Event | Sample:
+        """Record the event or the sample of a line."""
+        if value.get("kind") == SIGNAL:
+            sample = sample_of(value)
+            for name, number in sample.values.items():
+                self.recorder.signal(name, number, time_ns=sample.time_ns)
+            self.n_samples += len(sample.values)
+            self._remember_time(sample.time_ns)
+            return sample
+        event = event_of(value, (handle.fact for handle in self.recorder.open_executions()))
+        recorded = self.recorder.record(event)
+        self.n_events += 1
+        self._remember_time(None if value.get("time_ns") is None else recorded.time_ns)
+        return recorded
+
+    def result(self) -> Recorded:
+        """Return what was recorded."""
+        return Recorded(self.recorder.path, self.recorder.run_id, self.n_events, self.n_samples)
+
+    def _remember_time(self, time_ns: int | None) -> None:
+        self.last_ns = None if time_ns is None else max(time_ns, self.last_ns or 0)
+
+
+@dataclass(slots=True)
+class _Runs:
+    """The runs of a stream of lines, one after the other."""
+
+    path: Path
+    run: str
+    resume: bool
+    fsync: bool
+    hooks: _Hooks
+    finished: list[Recorded] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
+    _current: _OpenRun | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self._current is not None:
+            self._current.recorder.__exit__(kind, error, traceback)
+
+    def take_line(self, number: int, line: str) -> None:
+        """Record a line, or refuse it."""
         if not line.strip():
-            continue
-        try:
-            value = parse_object(line)
-            recorded = recorder.record(_event_of(value, recorder))
-        except (InvalidEventError, IllegalEventError) as error:
-            refused.append(Refused(number, str(error)))
-            on_refusal(refused[-1])
-            continue
-        count += 1
-        last_ns = None if value.get("time_ns") is None else max(recorded.time_ns, last_ns or 0)
-        on_event(recorded)
-    return count, refused, last_ns
-
-
-def _lines_until_text(lines: Iterator[str]) -> Iterator[str]:
-    """Yield lines up to the first that is not empty, without a byte order mark."""
-    for number, line in enumerate(lines):
-        text = line.removeprefix(_BYTE_ORDER_MARK) if not number else line
-        yield text
-        if text.strip():
             return
+        try:
+            self._take(parse_object(line))
+        except (InvalidEventError, IllegalEventError) as error:
+            refused = Refused(number, str(error))
+            self.refused.append(refused)
+            self.hooks.on_refusal(refused)
+
+    def end(self) -> None:
+        """Finish the last run when the lines have ended; no lines at all are a run without events.
+
+        Raises:
+            InvalidEventError: no line could be recorded.
+        """
+        if self._current is None and not self.finished:
+            if self.refused:
+                lines = counted(len(self.refused), "line")
+                text = f"{self.path}: found {lines} of which none can be recorded, expected events; nothing was written"
+                raise InvalidEventError(text)
+            self._open({}, None)
+        self._finish()
+
+    def _take(self, value: dict[str, Any]) -> None:
+        check_unit(value, self._current.start_ns if self._current else None)
+        if value.get("kind") == RunStarted.kind:
+            self._begin(value)
+            return
+        current = self._current or self._begin_without_start(value)
+        taken = current.take(value)
+        if isinstance(taken, Sample):
+            self.hooks.on_sample(taken)
+            return
+        self.hooks.on_event(taken)
+        if isinstance(taken, RunEnded):
+            self._finish()
+
+    def _begin(self, value: dict[str, Any]) -> None:
+        """Begin the run of a `run_started` line; it ends the run before it."""
+        facts = run_facts(value)
+        check_facts(facts["run"], facts.get("agents", ()), facts.get("software"), facts.get("seed"))
+        if self._current is not None:
+            if self._current.opening is None:
+                raise InvalidEventError(
+                    "found run_started after the run began, expected it in the first line or not at all"
+                )
+            if self._current.opening == value:
+                raise InvalidEventError("found the run_started of this run a second time, expected it once")
+            self._finish()
+        self._open(facts, value)
+
+    def _begin_without_start(self, value: dict[str, Any]) -> _OpenRun:
+        """Begin the first run with a line that is not its `run_started`."""
+        kind = value.get("kind")
+        if self.finished:
+            raise IllegalEventError(f"found {kind} after run_ended, expected nothing more, or another run_started")
+        check_first(value)
+        if not self.resume and kind in TASK_KINDS and kind not in BEGINNINGS:
+            place = f"{kind} of {value.get('agent')!r}, {value.get('task')!r}"
+            raise InvalidEventError(f"{place}: found 0 open executions, expected a task_started before it")
+        return self._open({"run": ""} | start_fact(value), None)
+
+    def _open(self, facts: dict[str, Any], opening: Mapping[str, Any] | None) -> _OpenRun:
+        is_first = not self.finished
+        path = self.path if is_first else _free_path(self.path)
+        if is_first:
+            facts = facts | {"run": self.run or facts.get("run", ""), "resume": self.resume}
+        _make_folder(path)
+        recorder = Recorder(path, fsync=self.fsync, **facts)
+        self._current = _OpenRun(recorder, facts.get("time_ns", recorder.now_ns()), opening)
+        return self._current
+
+    def _finish(self) -> None:
+        """Close the log of the current run, if there is one."""
+        if self._current is None:
+            return
+        self._current.recorder.close(self.hooks.outcome(), time_ns=self._current.last_ns)
+        result, self._current = self._current.result(), None
+        self.finished.append(result)
+        self.hooks.on_run(result)
 
 
-def _open_recorder(path: Path, facts: dict[str, Any], line: int, *, resume: bool, fsync: bool) -> Recorder:
-    """Open a recorder with the facts of the first line. If they are invalid, there is no run to record into."""
+def _free_path(path: Path) -> Path:
+    """Return the first of NAME-run2.mcap, NAME-run3.mcap and so on that does not exist, neither as a journal."""
+    paths = (path.with_name(f"{path.stem}-run{number}.mcap") for number in count(2))
+    return next(free for free in paths if not exists(free) and not exists(journal_path(free)))
+
+
+def _make_folder(path: Path) -> None:
     try:
-        return Recorder(path, resume=resume, fsync=fsync, **facts)
-    except InvalidEventError as error:
-        raise InvalidEventError(f"line {line}: {error}; nothing was recorded") from error
-
-
-def _opening_facts(line: str) -> tuple[dict[str, Any], int]:
-    """Return the facts that the first line states about the run, and 1 if it states nothing else, else 0."""
-    try:
-        value = parse_object(line)
-        row = row_from_object(value)
-        details = parse_details(row["details"])
-    except InvalidEventError:
-        return {}, 0
-    start_fact = {} if row["time_ns"] is None else {"time_ns": row["time_ns"]}
-    if row["kind"] != RunStarted.kind:
-        return start_fact, 0
-    _check_fields(value, (*COLUMNS, *_RUN_FACTS))
-    facts = {name: value.get(name, details.get(name)) for name in _RUN_FACTS}
-    return start_fact | {name: fact for name, fact in facts.items() if fact is not None}, 1
-
-
-def _event_of(value: dict[str, Any], recorder: Recorder) -> Event:
-    _check_fields(value)
-    row = row_from_object(value)
-    row["time_ns"] = instant(row["time_ns"])
-    row["seq"] = 0
-    row["role"] = row["role"] or Role.PRIMARY.value
-    if row["kind"] in ("task_ended", "run_ended"):
-        row["outcome"] = row["outcome"] or Outcome.SUCCEEDED.value
-    if row["kind"] in TASK_KINDS and not row["execution_id"]:
-        row["execution_id"] = _execution_id(row, recorder)
-    event = from_row(row)
-    if isinstance(event, UnknownEvent):
-        raise InvalidEventError(f"kind is {row['kind']!r}, expected one of the vocabulary (see docs/events.md)")
-    if isinstance(event, RunStarted):
-        raise InvalidEventError("found run_started after the run began, expected it in the first line or not at all")
-    return event
-
-
-def _check_fields(value: dict[str, Any], known_names: tuple[str, ...] = COLUMNS) -> None:
-    for name in value:
-        if name not in known_names:
-            similar_names = difflib.get_close_matches(name.lower(), known_names, 1)
-            hint = f"did you mean {similar_names[0]!r}?" if similar_names else "put further facts into details"
-            raise InvalidEventError(f"found the unknown field {name!r}, expected those of TaskEvent; {hint}")
-
-
-def _execution_id(row: dict[str, Any], recorder: Recorder) -> str:
-    """Return the execution id for a task event that has none."""
-    if row["kind"] in ("task_started", "task_dispatched"):
-        return new_id()
-    open_ids = [
-        handle.execution_id
-        for handle in recorder.open_executions()
-        if (handle.fact.agent, handle.fact.task) == (row["agent"], row["task"])
-    ]
-    if len(open_ids) == 1:
-        return open_ids[0]
-    raise InvalidEventError(
-        f"{row['kind']} of {row['agent']!r}, {row['task']!r} names no execution_id: "
-        f"found {counted(len(open_ids), 'open execution')} of that task, expected one"
-    )
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = f"its folder cannot be made ({error.strerror})"
+        raise LogWriteError(path, reason, "choose a folder that can be written") from error

@@ -16,7 +16,7 @@ DOTTED = re.compile(r"^(hrclog(?:\.\w+)+):\w+$")
 TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
-    _version arrays diagnostic errors event_rows events file_names ids json_record parallel plugins
+    _version arrays diagnostic errors event_rows events file_names forks ids json_record parallel plugins
     recipe_names scene state units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""
@@ -32,7 +32,8 @@ ARROWS: Mapping[str, str] = {
     "recorders.segments": "log",
     "recorders.event_recorder": "log recorders.segments recorders.task_handle",
     "recorders.recorder": "log recorders.event_recorder recorders.segments recorders.task_handle",
-    "recorders.stdin": "log recorders.recorder recorders.segments recorders.task_handle",
+    "recorders.json_lines": "log recorders.task_handle",
+    "recorders.stdin": "log recorders.json_lines recorders.recorder recorders.segments",
     "recorders.executors": "log recorders.clock",
     "recorders.dispatch": "planning recorders.clock recorders.event_recorder recorders.recorder recorders.executors",
     "recorders.importers": "log",

@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 import polars as pl
 
 from hrclog.analyzers.exporters.exporter import Exporter
 
+_FORMULA: Final = r"^[=+\-@\t\r]"
+_NUMBER: Final = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
+
 
 class Csv(Exporter):
-    """Comma-separated values; lists become texts joined by "|"."""
+    """Comma-separated values; lists become texts joined by "|".
+
+    A text that a spreadsheet would run gets a leading "'": its first character is one of = + - @, a tab or a carriage
+    return, and it is no number.
+
+    Args:
+        keep_formulas: write all texts as they are.
+    """
 
     name = "csv"
     summary = "comma-separated values"
     suffix = ".csv"
 
+    def __init__(self, *, keep_formulas: bool = False) -> None:
+        self.keep_formulas = keep_formulas
+
     def write(self, frame: pl.DataFrame, path: Path) -> None:
         """Write a frame."""
-        frame.with_columns(pl.col(pl.List(pl.String)).list.join("|")).write_csv(path)
+        texts = frame.with_columns(pl.col(pl.List(pl.String)).list.join("|"))
+        if not self.keep_formulas:
+            texts = texts.with_columns(_harmless(pl.col(pl.String)))
+        texts.write_csv(path)
 
 
 class Parquet(Exporter):
@@ -31,3 +48,8 @@ class Parquet(Exporter):
     def write(self, frame: pl.DataFrame, path: Path) -> None:
         """Write a frame."""
         frame.write_parquet(path)
+
+
+def _harmless(texts: pl.Expr) -> pl.Expr:
+    runs = texts.str.contains(_FORMULA) & ~texts.str.contains(_NUMBER)
+    return pl.when(runs).then(pl.lit("'") + texts).otherwise(texts).name.keep()

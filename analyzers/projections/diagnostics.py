@@ -11,6 +11,7 @@ from hrclog import wording
 from hrclog.analyzers.projections.clock_step import turned_ends
 from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.overlaps import MOST_PAIRS, pair_count, task_counts
+from hrclog.analyzers.projections.similar_names import similar_names
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import UNKNOWN_OUTCOME, Outcome
 
@@ -26,11 +27,17 @@ def lint(events: pl.DataFrame, intervals: pl.DataFrame, overlaps: pl.DataFrame, 
         *_zero_durations(intervals),
         *_implausible_times(events),
         *_self_overlaps(overlaps, runs),
+        *similar_names(intervals, _all_agents(events, runs)),
         *_single_outcome(intervals),
         *_one_agent(runs),
         *_unlisted_pairs(intervals),
         *_not_ended(events, runs),
     ]
+
+
+def _all_agents(events: pl.DataFrame, runs: pl.DataFrame) -> set[str]:
+    """Return the agents of all events, and those that runs declare."""
+    return {*events["agent"].unique(), *runs["agents"].explode().drop_nulls()} - {""}
 
 
 def _open_executions(events: pl.DataFrame, intervals: pl.DataFrame) -> list[Diagnostic]:

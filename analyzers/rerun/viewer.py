@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import IO, Final
 from urllib.parse import quote
 
+from hrclog.analyzers.rerun.stop_request import StopRequest
 from hrclog.errors import HrclogError, LogReadError
 from hrclog.wording import counted
 
@@ -30,6 +31,8 @@ _FOOTER: Final = b"RRF2FOOT"
 _FOOTER_BYTES: Final = 64  # at the end, among which its mark stands
 _START_S: Final = 60.0
 _STOP_S: Final = 10.0
+_GROUP_STOP_S: Final = 2.0  # once the first process of the viewer has ended
+_LOOK_S: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +57,8 @@ class RunningViewer:
 def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
     """Open recordings in a window, or serve them to a browser, until the viewer is closed; return its exit code.
 
+    A signal that asks to stop (Ctrl-C, SIGTERM) closes the viewer, with all processes that it has started; that is 0.
+
     Raises:
         HrclogError: there is no viewer, no display to open a window on, or the port is taken.
     """
@@ -62,13 +67,14 @@ def open_viewer(recordings: Sequence[Path], web_port: int | None = None) -> int:
     if web_port is not None:
         command += ["--serve-web", "--web-viewer-port", str(web_port)]
     # in its own process group, because the program `rerun` starts another one
-    process = subprocess.Popen(command, start_new_session=True)  # noqa: S603 - our own interpreter and the user's paths
-    try:
-        return process.wait()
-    except KeyboardInterrupt:
-        return 0
-    finally:
-        _stop(process)
+    with StopRequest() as stop:
+        process = subprocess.Popen(command, start_new_session=True)  # noqa: S603 - our own interpreter and the user's paths
+        try:
+            return _exit_code(process, stop)
+        except KeyboardInterrupt:  # a second Ctrl-C
+            return 0
+        finally:
+            _stop(process)
 
 
 @contextmanager
@@ -231,6 +237,14 @@ def _listens(port: int) -> bool:
         return False
 
 
+def _exit_code(process: subprocess.Popen[bytes], stop: StopRequest) -> int:
+    """Wait until a viewer ends, or a stop is requested; return its exit code, or 0."""
+    while (code := process.poll()) is None:
+        if stop.wait(_LOOK_S):
+            return 0
+    return code
+
+
 def _stop(process: subprocess.Popen[bytes]) -> None:
     """End a viewer and all processes that it has started."""
     for number in (signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM)):
@@ -241,4 +255,17 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
                 os.killpg(process.pid, number)
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(_STOP_S)
-            return
+            if _group_ends(process.pid):
+                return
+
+
+def _group_ends(group: int) -> bool:
+    """Wait a moment for the other processes of a group; return whether none is left."""
+    until = time.monotonic() + _GROUP_STOP_S
+    while sys.platform != "win32" and time.monotonic() < until:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return sys.platform == "win32"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import keyword
 import os
 import sys
@@ -78,13 +79,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except HrclogError as error:
         if debug:
             raise
-        click.echo(f"hrclog: error: {error}", err=True)
+        _tell(f"hrclog: error: {error}")
         return 1
     except click.ClickException as error:
-        error.show()
+        with io.StringIO() as text:
+            error.show(text)
+            _tell(text.getvalue().removesuffix("\n"))
         return error.exit_code
     except click.Abort:
-        click.echo("hrclog: interrupted", err=True)
+        _tell("hrclog: interrupted")
         return 130
     except OSError as error:
         # Code that opens a path raises HrclogError, so this error comes from standard output: its reader has closed it,
@@ -93,6 +96,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):
-            click.echo(f"hrclog: error: the result could not be written ({error.strerror or error})", err=True)
+            _tell(f"hrclog: error: the result could not be written ({error.strerror or error})")
         return 1
     return result if isinstance(result, int) else 0
+
+
+def _tell(text: str) -> None:
+    from hrclog.cli.common import echo_lines  # what it imports is not needed for --help
+
+    echo_lines(text, err=True)

@@ -14,6 +14,8 @@ from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import (
     Progress,
     bootstrap_options,
+    echo_json,
+    echo_lines,
     estimator_option,
     json_option,
     logs_argument,
@@ -131,5 +133,8 @@ def analyse(
     drawing = Progress("drawing runs", drawn + 1)
     save(analysis, output, drawing, recordings)
     drawing.done()
-    click.echo(analysis.to_json() if as_json else summary(analysis, output, drawn))
+    if as_json:
+        echo_json(analysis.to_json())
+    else:
+        echo_lines(summary(analysis, output, drawn))
     return analysis

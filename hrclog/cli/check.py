@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import EXIT_FAILED, Progress, json_option, logs_argument, print_json, tell
+from hrclog.cli.common import EXIT_FAILED, Progress, echo, json_option, logs_argument, print_json, tell
 from hrclog.wording import counted
 
 
@@ -44,5 +44,5 @@ def command(logs: tuple[str, ...], strict: bool, clocks: dict[str, int], as_json
         runs_held, events_held = counted(table.height, "run"), counted(read.events.height, "event")
         problems = f"{counted(counts['error'], 'error')}, {counted(counts['warning'], 'warning')}"
         remarks = counted(counts["info"], "remark")
-        click.echo(f"{runs_held}, {events_held}, {counted(n_executions, 'execution')}: {problems}, {remarks}")
+        echo(f"{runs_held}, {events_held}, {counted(n_executions, 'execution')}: {problems}, {remarks}")
     return EXIT_FAILED if strict and not code and counts["warning"] else code

@@ -123,9 +123,24 @@ class Progress:
             click.echo("\r\x1b[K", err=True, nl=False)
 
 
-def print_json(value: Any) -> None:
+def echo(line: str = "", *, err: bool = False) -> None:
+    """Print one line. What would control the terminal is escaped, line breaks too: names come from logs."""
+    click.echo(printable(line), err=err)
+
+
+def echo_lines(text: str, *, err: bool = False) -> None:
+    """Print a text of several lines, such as a table; all but its line breaks is escaped as by `echo`."""
+    click.echo("\n".join(map(printable, text.split("\n"))), err=err)
+
+
+def echo_json(text: str) -> None:
+    """Print a JSON text; what would control the terminal is escaped as JSON does it, so that values stay the same."""
+    click.echo("\n".join(map(_printable_json, text.split("\n"))))
+
+
+def print_json(value: Any, *, indent: int | None = 2) -> None:
     """Print a value as JSON on standard output."""
-    click.echo(json.dumps(value, ensure_ascii=False, indent=2, allow_nan=False))
+    echo_json(json.dumps(value, ensure_ascii=False, indent=indent, allow_nan=False))
 
 
 def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
@@ -140,10 +155,10 @@ def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
             continue
         shown[diagnostic.code] += 1
         if shown[diagnostic.code] <= _SHOWN_PER_CODE:
-            click.echo(printable(str(diagnostic)), err=True)
+            echo(str(diagnostic), err=True)
     for code, count in shown.items():
         if count > _SHOWN_PER_CODE:
-            click.echo(f"... and {count - _SHOWN_PER_CODE} more [{code}]", err=True)
+            echo(f"... and {count - _SHOWN_PER_CODE} more [{code}]", err=True)
     return EXIT_DATA_LOST if loses_data(ordered) else EXIT_FINE
 
 
@@ -172,7 +187,15 @@ def shortened(text: str) -> str:
 
 def printable(text: str) -> str:
     """Return a text without control characters: names in logs must not control the terminal."""
+    if text.isprintable():
+        return text
     return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
+
+
+def _printable_json(line: str) -> str:
+    if line.isprintable():
+        return line
+    return "".join(char if char.isprintable() else json.dumps(char)[1:-1].replace("\x7f", "\\u007f") for char in line)
 
 
 def number(value: float | None, digits: int = 2) -> str:

@@ -12,6 +12,8 @@ from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import (
     Progress,
     bootstrap_options,
+    echo_json,
+    echo_lines,
     estimator_option,
     json_option,
     number,
@@ -79,7 +81,10 @@ def command(
     drawing.done()
     if output is not None:
         _save(comparison, output)
-    click.echo(comparison.to_json() if as_json else _summary(comparison, sides, (a, b)))
+    if as_json:
+        echo_json(comparison.to_json())
+    else:
+        echo_lines(_summary(comparison, sides, (a, b)))
     return tell(comparison.diagnostics)
 
 
@@ -100,7 +105,7 @@ def _summary(comparison: Comparison, names: tuple[str, ...], analyses: tuple[Ana
     rates = comparison.success_rates
     parts = [
         "\n".join([*(_side_line(*columns) for columns in side_columns), *_makespan(comparison.metrics)]),
-        "\n".join(comparison.notes),
+        "\n".join(map(printable, comparison.notes)),
         _means("Metrics per run (fractions of the makespan, *_s in seconds; docs/metrics.md)", others, "of", 3),
         _means("Durations in s (of executions that succeeded)", comparison.durations, "task"),
         # omit tasks that never failed

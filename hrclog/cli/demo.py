@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hrclog.cli.common import json_option, tell
+from hrclog.cli.common import echo, json_option, tell
 
 
 @click.command(name="demo")
@@ -32,8 +32,9 @@ def command(output: Path, as_json: bool) -> int:
     campaign = Path(samples.__file__).parent / "campaign"
     analysis = analyse([campaign], output, as_json=as_json)
     if not as_json:
-        click.echo(f"\nThe pictures: {output / 'analysis.rrd'} (all runs) and {output / 'runs'} (one each)")
-        click.echo(f"One file to mail: hrclog report {campaign} -o report.html")
-        click.echo(f"The samples: {campaign.parent}")
-        click.echo("Your own runs: hrclog record, hrclog import or hrclog sim, then hrclog analyze LOG...")
+        echo()
+        echo(f"The pictures: {output / 'analysis.rrd'} (all runs) and {output / 'runs'} (one each)")
+        echo(f"One file to mail: hrclog report {campaign} -o report.html")
+        echo(f"The samples: {campaign.parent}")
+        echo("Your own runs: hrclog record, hrclog import or hrclog sim, then hrclog analyze LOG...")
     return tell(analysis.diagnostics)

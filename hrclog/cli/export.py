@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hrclog.analyzers.exporters.exporters import EXPORTERS
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import Progress, json_option, logs_argument, print_json, tell
+from hrclog.cli.common import Progress, echo, json_option, logs_argument, print_json, tell
 from hrclog.cli.names import NameOf
 from hrclog.wording import counted
+
+if TYPE_CHECKING:
+    from hrclog.analyzers.exporters.exporter import Exporter
 
 TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics", "signals")
 
@@ -29,6 +33,11 @@ TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "syne
 @click.option(
     "--table", "tables", type=click.Choice(TABLES), multiple=True, help="Only this table (repeatable).  [default: all]"
 )
+@click.option(
+    "--keep-formulas",
+    is_flag=True,
+    help="Of csv: leave texts as they are that a spreadsheet would run; else they get a leading '.",
+)
 @clock_option
 @json_option
 def command(
@@ -36,6 +45,7 @@ def command(
     output: Path,
     kind: str,
     tables: tuple[str, ...],
+    keep_formulas: bool,
     clocks: dict[str, int],
     as_json: bool,
 ) -> int:
@@ -51,15 +61,23 @@ def command(
     from hrclog.analyzers.exporters.exporter import write_table
     from hrclog.analyzers.output import check_writable
 
+    if keep_formulas and kind != "csv":
+        raise click.UsageError(f"--keep-formulas is for --format csv; {kind} keeps all texts as they are")
     check_writable(output)
     reading = Progress("reading logs")
     analysis = analyze(logs, on_file=reading, clocks=clocks)
     reading.done()
-    exporter = EXPORTERS[kind]
+    exporter = _exporter(kind, keep_formulas=keep_formulas)
     written = [write_table(exporter, getattr(analysis, name), output, name) for name in tables or TABLES]
     if as_json:
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
     else:
         for path, rows in written:
-            click.echo(f"{path}: {counted(rows, 'row')}")
+            echo(f"{path}: {counted(rows, 'row')}")
     return tell(analysis.diagnostics)
+
+
+def _exporter(kind: str, *, keep_formulas: bool) -> Exporter:
+    from hrclog.analyzers.exporters.tables import Csv
+
+    return Csv(keep_formulas=True) if keep_formulas else EXPORTERS[kind]

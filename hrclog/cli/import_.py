@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from hrclog.cli.common import Progress, print_json, table, tell
+from hrclog.cli.common import Progress, echo, echo_lines, print_json, table, tell
 from hrclog.recorders.importers.importer import Importer, Option
 from hrclog.recorders.importers.importers import IMPORTERS
 from hrclog.wording import counted
@@ -81,14 +81,14 @@ def _callback(importer: Importer) -> Any:
                 }
             )
         else:
-            click.echo(
+            echo(
                 f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}: "
                 f"{counted(len(imported.written), 'log')} written to {output}, {len(imported.unchanged)} there already"
             )
             if remark.text:
-                click.echo(remark.text)
+                echo(remark.text)
             if remark.rows:
-                click.echo(table(remark.header, remark.rows))
+                echo_lines(table(remark.header, remark.rows))
         return tell(imported.diagnostics)
 
     return run

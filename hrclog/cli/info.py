@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import json_option, logs_argument, number, print_json, table, tell
+from hrclog.cli.common import echo, echo_lines, json_option, logs_argument, number, print_json, table, tell
 
 if TYPE_CHECKING:
     from hrclog.log.reader import Logs
@@ -31,9 +31,9 @@ def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int
     if as_json:
         print_json({"files": files, "runs": runs, "diagnostics": [finding.as_dict() for finding in read.diagnostics]})
     else:
-        click.echo(_file_table(files))
-        click.echo()
-        click.echo(_run_table(runs))
+        echo_lines(_file_table(files))
+        echo()
+        echo_lines(_run_table(runs))
     return tell(read.diagnostics)
 
 

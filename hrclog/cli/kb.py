@@ -13,7 +13,7 @@ import click
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import EXIT_FINE, Progress, json_option, logs_argument, print_json, tell
+from hrclog.cli.common import EXIT_FINE, Progress, echo, echo_lines, json_option, logs_argument, print_json, tell
 from hrclog.cli.known_times import VARIABLE
 from hrclog.cli.names import NameOf
 from hrclog.wording import counted
@@ -131,7 +131,7 @@ def show(where: str, as_json: bool) -> int:
         if as_json:
             print_json(contents(view))
         else:
-            click.echo(contents_text(view))
+            echo_lines(contents_text(view))
     return EXIT_FINE
 
 
@@ -311,4 +311,4 @@ def _print_result(document: dict[str, Any], sentence: str, *, as_json: bool) -> 
     if as_json:
         print_json(document)
     else:
-        click.echo(sentence)
+        echo(sentence)

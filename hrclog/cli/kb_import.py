@@ -16,6 +16,7 @@ from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.exchange import import_json, is_export
 from hrclog.recorders.importers.mongo import run_events
 from hrclog.recorders.importers.mongo_dump import document_id, read_task_results
+from hrclog.recorders.importers.mongo_outcomes import Outcomes
 
 Method = tuple[str | None, str | None]
 """Estimator and outliers, None for what the knowledge base has."""
@@ -41,6 +42,7 @@ def import_folder(kb: KnowledgeBase, folder: Path) -> tuple[Ingested, Method]:
         expected = f"a folder with {_RESULTS}, as hrclog kb export or mongoexport writes it"
         raise ImportDataError(folder, "none", expected, "correct the path")
     rows, diagnostics = read_task_results(folder / _RESULTS)
+    diagnostics += Outcomes().diagnostics((folder / _RESULTS, row) for row in rows)
     events, duplicates = _events(rows, _properties(folder / _PROPERTIES), folder / _RESULTS)
     ingested = ingest_events(kb, events)
     return replace(ingested, diagnostics=[*diagnostics, *duplicates, *ingested.diagnostics]), (None, None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Self
 
 import click
 
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, printable, tell
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, echo, tell
 from hrclog.errors import HrclogError
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Following:
             update_statistics(self._kb)
         except HrclogError as error:
             self._behind = True
-            click.echo(printable(f"warning: the knowledge base was not updated: {error}"), err=True)
+            echo(f"warning: the knowledge base was not updated: {error}", err=True)
 
     def catch_up(self, logs: str) -> int:
         """Say how to catch up where that is needed, and return the exit code.
@@ -70,5 +70,5 @@ class Following:
         from hrclog.knowledge.place import shown
 
         command = f"hrclog kb update {logs} --kb {shown(self._where)}"
-        click.echo(printable(f"warning: the logs are kept; catch up with: {command}"), err=True)
+        echo(f"warning: the logs are kept; catch up with: {command}", err=True)
         return EXIT_DATA_LOST

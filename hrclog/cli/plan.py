@@ -10,7 +10,7 @@ import click
 
 from hrclog.analyzers.search.methods import METHODS, OBJECTIVES
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import json_option, print_json, tell
+from hrclog.cli.common import echo, echo_lines, json_option, print_json, tell
 from hrclog.cli.known_times import kb_option, known_times
 from hrclog.cli.plan_text import forecast_line, found_text, timeline_text
 from hrclog.cli.problem_file import load_problem, problem_argument
@@ -166,9 +166,10 @@ def _find_plan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> i
     if options["as_json"]:
         print_json(found.to_json())
         return 0
-    click.echo(found_text(found))
+    echo_lines(found_text(found))
     if options["show"]:
-        click.echo("\n" + timeline_text(found.plan, _end_ranges(found.forecast)))
+        echo()
+        echo_lines(timeline_text(found.plan, _end_ranges(found.forecast)))
     return 0
 
 
@@ -184,9 +185,10 @@ def _judge_plan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> 
     if options["as_json"]:
         print_json({"forecast": prediction.to_json(), "plan": timed.to_json()})
         return 0
-    click.echo(f"{plan.name}: {forecast_line(prediction)}")
+    echo(f"{plan.name}: {forecast_line(prediction)}")
     if options["show"]:
-        click.echo("\n" + timeline_text(timed, _end_ranges(prediction)))
+        echo()
+        echo_lines(timeline_text(timed, _end_ranges(prediction)))
     return 0
 
 
@@ -207,9 +209,10 @@ def _replan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
             print_json({"now_s": state.now_s, "changed": False, "forecast": None, "plan": state.plan.to_json()})
         else:
             as_good = "the plan that is followed is as good as any that was found"
-            click.echo(f"{progress}; {as_good if state.left() else 'nothing is left to plan'}")
+            echo(f"{progress}; {as_good if state.left() else 'nothing is left to plan'}")
             if options["show"]:
-                click.echo("\n" + timeline_text(state.plan))
+                echo()
+                echo_lines(timeline_text(state.plan))
         _save_plan(options["out"], state.plan)
         return code
     plan, prediction = result
@@ -218,9 +221,11 @@ def _replan(problem: Problem, times: TaskTimes, options: dict[str, Any]) -> int:
     if options["as_json"]:
         print_json({"now_s": state.now_s, "changed": True, "forecast": prediction.to_json(), "plan": plan.to_json()})
         return code
-    click.echo(f"{progress}\n{plan.name}: its end after {forecast_line(prediction)}")
+    echo(progress)
+    echo(f"{plan.name}: its end after {forecast_line(prediction)}")
     if options["show"]:
-        click.echo("\n" + timeline_text(plan, _end_ranges(prediction)))
+        echo()
+        echo_lines(timeline_text(plan, _end_ranges(prediction)))
     return code
 
 
@@ -311,5 +316,5 @@ def _draw_plans(problem: Problem, scenario: Scenario | None, options: dict[str, 
     if options["as_json"]:
         print_json({"problem": options["problem_name"], "seed": options["seed"], "plans": [str(p) for p in paths]})
     else:
-        click.echo(f"{counted(len(paths), 'plan')} of {options['problem_name']}: {paths[0]} .. {paths[-1].name}")
+        echo(f"{counted(len(paths), 'plan')} of {options['problem_name']}: {paths[0]} .. {paths[-1].name}")
     return 0

@@ -26,7 +26,7 @@ def found_text(found: Found) -> str:
 
 def _headline(found: Found) -> Iterator[str]:
     prediction = found.forecast
-    yield f"{found.plan.name}: {forecast_line(prediction)}"
+    yield f"{printable(found.plan.name)}: {forecast_line(prediction)}"
     saving = 1 - prediction.mean_s / found.usual_s
     comparison = f"{_percent(saving)} less than" if saving >= 0 else f"{_percent(-saving)} more than"
     yield f"  {comparison} the {found.usual_s:.1f} s of a random plan; {_search_text(found)}"
@@ -99,7 +99,7 @@ def timeline_text(plan: Plan, ends: Mapping[str, tuple[float, float]] | None = N
     items = [item for item in plan.items if item.planned_start_s is not None and item.planned_end_s is not None]
     last = max((item.planned_end_s or 0.0 for item in items), default=0.0)
     if not last:
-        return f"{plan.name}: no planned times"
+        return f"{printable(plan.name)}: no planned times"
     scale = _WIDTH / last
     letters = _letters(dict.fromkeys(item.task for item in items))
     width = max(len(printable(agent)) for agent in plan.agents())

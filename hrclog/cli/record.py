@@ -1,11 +1,11 @@
-"""`hrclog record`: events from any program, as JSON lines on standard input."""
+"""`hrclog record`: runs from any program, as JSON lines on standard input."""
 
 from __future__ import annotations
 
 import io
-import json
 import signal
 import sys
+from dataclasses import asdict
 from itertools import count, takewhile
 from pathlib import Path
 from types import FrameType
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 
 import click
 
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, json_option, print_json, printable
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.wording import counted
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hrclog.events import Event
+    from hrclog.recorders.json_lines import Sample
+    from hrclog.recorders.stdin import Recorded, Recording, Refused
 
 
 class _Stop(Exception):  # noqa: N818 - a request, not an error
@@ -82,63 +84,98 @@ def command(
 ) -> int:
     """Record a run from JSON lines on standard input, until it closes.
 
-    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names. `time_ns` defaults to now;
-    a first line of kind run_started may name the run; a task_ended without `execution_id` ends the open execution of
-    that agent and task. A line that cannot be recorded is reported with its number, and the rest goes on (exit code 3).
+    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names; or a sample of signals: kind
+    signal, `name` and `value`, or `values` by name. `time_ns` defaults to now; a first line of kind run_started may
+    name the run; a task_ended without `execution_id` ends the open execution of that agent and task. A further
+    run_started begins another run, in a log of its own: OUT-run2.mcap, OUT-run3.mcap and so on. A line that cannot be
+    recorded is reported with its number, and the rest goes on (exit code 3).
 
     \b
     Example:
       echo '{"kind": "task_started", "agent": "robot", "task": "pick"}' | hrclog record run.mcap
     """
-    from hrclog.recorders.stdin import Refused, record_stream
+    from hrclog.recorders.recorder import log_path
+    from hrclog.recorders.stdin import record_stream
 
-    def accepted(event: Event) -> None:
-        if ack:
-            _acknowledge({"seq": event.seq, "execution_id": getattr(event, "execution_id", "")})
-
-    def refuse(line: Refused) -> None:
-        click.echo(printable(f"error: line {line.line}: {line.reason}"), err=True)
-        if ack:
-            _acknowledge({"line": line.line, "error": line.reason})
-
-    with _Input() as lines:
+    with _Input() as lines, Following(knowledge) as following:
+        tale = _Tale(log_path(path), following, ack=ack)
         result = record_stream(
             lines,
             path,
             run=run,
             resume=resume,
             fsync=fsync,
-            on_event=accepted,
-            on_refusal=refuse,
+            on_event=tale.event,
+            on_sample=tale.sample,
+            on_refusal=tale.refusal,
+            on_run=tale.run,
             outcome=lambda: "canceled" if lines.stopped else "succeeded",
         )
-    n_refused = len(result.refused)
-    if as_json:
-        print_json(
-            {
-                "path": str(result.path),
-                "run_id": result.run_id,
-                "n_events": result.n_events,
-                "n_refused": n_refused,
-            }
-        )
-    else:
-        recorded, refused = counted(result.n_events, "event"), counted(n_refused, "line")
-        click.echo(f"{result.path}: {recorded} recorded, {refused} refused", err=True)
-    return max(_follow(knowledge, path), EXIT_DATA_LOST if n_refused else EXIT_FINE)
+        if as_json:
+            print_json(_as_json(result))
+        elif result.refused:
+            echo(f"{counted(len(result.refused), 'line')} refused", err=True)
+        code = following.catch_up(" ".join(map(str, tale.logs)))
+    return max(code, EXIT_DATA_LOST if result.refused else EXIT_FINE)
 
 
-def _follow(knowledge: str | None, path: Path) -> int:
-    """Add all segments of the run to a knowledge base and return the exit code."""
-    from hrclog.recorders.recorder import log_path
+class _Tale:
+    """Tells what becomes of the lines, and lets a knowledge base follow the runs.
+
+    Args:
+        path: the log of the first run, whose earlier segments may lie beside it.
+        following: the knowledge base.
+        ack: acknowledge each line on standard output.
+    """
+
+    def __init__(self, path: Path, following: Following, *, ack: bool) -> None:
+        self.logs: list[Path] = []
+        self._path = path
+        self._following = following
+        self._ack = ack
+
+    def event(self, event: Event) -> None:
+        """Acknowledge an event."""
+        self._acknowledge({"seq": event.seq, "execution_id": getattr(event, "execution_id", "")})
+
+    def sample(self, sample: Sample) -> None:
+        """Acknowledge a sample."""
+        self._acknowledge({"signals": list(sample.values)})
+
+    def refusal(self, refused: Refused) -> None:
+        """Say why a line was refused."""
+        echo(f"error: line {refused.line}: {refused.reason}", err=True)
+        self._acknowledge({"line": refused.line, "error": refused.reason})
+
+    def run(self, recorded: Recorded) -> None:
+        """Say where a finished run is, and let the knowledge base take it in."""
+        samples = f", {counted(recorded.n_samples, 'sample')}" if recorded.n_samples else ""
+        echo(f"{recorded.path}: {counted(recorded.n_events, 'event')}{samples} recorded", err=True)
+        segments = _segments(recorded.path if self.logs else self._path)
+        self.logs += segments
+        self._following.take(segments)
+
+    def _acknowledge(self, reply: dict[str, object]) -> None:
+        if self._ack:
+            print_json(reply, indent=None)
+            sys.stdout.flush()
+
+
+def _segments(path: Path) -> list[Path]:
+    """Return all segments of the run at a path, in order."""
     from hrclog.recorders.segments import segment_path
 
-    paths = list(takewhile(Path.exists, (segment_path(log_path(path), number) for number in count(1))))
-    with Following(knowledge) as following:
-        following.take(paths)
-        return following.catch_up(" ".join(map(str, paths)))
+    return list(takewhile(Path.exists, (segment_path(path, number) for number in count(1))))
 
 
-def _acknowledge(reply: dict[str, object]) -> None:
-    click.echo(json.dumps(reply))
-    sys.stdout.flush()
+def _as_json(result: Recording) -> dict[str, object]:
+    """Return what was recorded as JSON values; path and id are those of the first run."""
+    first = result.runs[0]
+    return {
+        "path": str(first.path),
+        "run_id": first.run_id,
+        "n_events": sum(run.n_events for run in result.runs),
+        "n_samples": sum(run.n_samples for run in result.runs),
+        "n_refused": len(result.refused),
+        "runs": [asdict(run) | {"path": str(run.path)} for run in result.runs],
+    }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, json_option, print_json, printable
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, echo, json_option, print_json
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -32,20 +32,20 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
     if output and len(sources) != 1:
         raise click.UsageError(f"-o goes with one log, found {len(sources)}")
     if not sources:
-        click.echo("no journals (*.mcap.partial) to recover", err=True)
+        echo("no journals (*.mcap.partial) to recover", err=True)
     done, failures = _recover_all(sources, output)
     for failure in failures:
-        click.echo(printable(f"error: {failure}"), err=True)
+        echo(f"error: {failure}", err=True)
     for result in done:
         for problem in result.problems:
             place = f"{result.source} (byte {problem.offset})"
-            click.echo(printable(f"error: {place}: {problem.message} [{problem.code}]"), err=True)
+            echo(f"error: {place}: {problem.message} [{problem.code}]", err=True)
     if as_json:
         print_json({"recovered": [_as_dict(result) for result in done], "failures": failures})
     else:
         for result in done:
             done_text = "closed already" if result.path == result.source else f"-> {result.path}"
-            click.echo(f"{result.source} {done_text}: {counted(result.n_messages, 'message')}")
+            echo(f"{result.source} {done_text}: {counted(result.n_messages, 'message')}")
     if sources and not done:
         return EXIT_FAILED
     return EXIT_DATA_LOST if failures or any(result.problems for result in done) else EXIT_FINE

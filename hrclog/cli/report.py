@@ -14,6 +14,7 @@ from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import (
     Progress,
     bootstrap_options,
+    echo_lines,
     estimator_option,
     json_option,
     logs_argument,
@@ -101,7 +102,7 @@ def command(**options: Any) -> int:
     if options["as_json"]:
         print_json(_report_json(document, written))
     else:
-        click.echo(_written_text(document, written))
+        echo_lines(_written_text(document, written))
     return code
 
 

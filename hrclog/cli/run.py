@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hrclog.cli.cell_options import engine_option, safety_option, signals_option
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, json_option, print_json, printable
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.cli.replan_options import replan_options
 from hrclog.cli.run_options import RunOptions
@@ -127,9 +127,9 @@ def _execute_one(plan_path: Path, out: Path, settings: RunOptions, following: Fo
         print_json(run_json(done))
     else:
         for line in run_text(done):
-            click.echo(printable(line))
+            echo(line)
     for line in troubles(done):
-        click.echo(printable(line), err=True)
+        echo(line, err=True)
     return exit_code(done)
 
 
@@ -150,24 +150,24 @@ def _execute_several(
             try:
                 runs.append(execute(plan, settings, path, number, series=True))
             except HrclogError as error:
-                click.echo(printable(f"hrclog: error: {path}: {error}"), err=True)
+                echo(f"hrclog: error: {path}: {error}", err=True)
                 code = max(code, EXIT_DATA_LOST)
                 break
             following.take([path])
             for line in troubles(runs[-1]):
-                click.echo(printable(f"{path}: {line}"), err=True)
+                echo(f"{path}: {line}", err=True)
             code = max(code, exit_code(runs[-1]))
             if code == INTERRUPTED:
                 break
         documents.append(plan_json(plan.plan, runs))
         if not as_json:
-            click.echo(printable(plan_text(plan.plan, runs)))
+            echo(plan_text(plan.plan, runs))
         if code == INTERRUPTED:
             break
     if as_json:
         print_json({"plans": documents})
     elif prepared:
-        click.echo(f"Look at them: hrclog view {out}")
+        echo(f"Look at them: hrclog view {out}")
     return code if prepared else EXIT_FAILED
 
 
@@ -181,7 +181,7 @@ def _prepare_plans(plan_paths: Sequence[Path], settings: RunOptions) -> tuple[di
         try:
             prepared[plan_path] = prepare(plan_path, settings)
         except HrclogError as error:
-            click.echo(printable(f"hrclog: error: {error}"), err=True)
+            echo(f"hrclog: error: {error}", err=True)
     return prepared, EXIT_DATA_LOST if len(prepared) < len(plan_paths) else 0
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import click
 
 from hrclog.cli.cell_options import chosen_scenario
-from hrclog.cli.common import printable
+from hrclog.cli.common import echo
 from hrclog.cli.problem_file import scenario_of_plan
 from hrclog.cli.replan_options import chosen_replan
 from hrclog.cli.run_options import RunOptions
@@ -176,9 +176,9 @@ def _execute_live(prepared: Prepared, options: RunOptions, path: Path, number: i
 
 def _print_event(event: Event) -> None:
     if isinstance(event, TaskStarted):
-        click.echo(printable(f"{event.agent}: {event.task} ({event.item_id}) started"), err=True)
+        echo(f"{event.agent}: {event.task} ({event.item_id}) started", err=True)
     elif isinstance(event, TaskEnded):
-        click.echo(printable(f"{event.agent}: {event.task} ({event.item_id}) {event.outcome}"), err=True)
+        echo(f"{event.agent}: {event.task} ({event.item_id}) {event.outcome}", err=True)
 
 
 def _executor_files(agents: Sequence[str], scenario: Scenario) -> dict[str, tuple[str, Path]]:

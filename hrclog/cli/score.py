@@ -10,7 +10,7 @@ import click
 
 from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS, scored
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import Progress, json_option, outliers_option, tell
+from hrclog.cli.common import Progress, echo_json, echo_lines, json_option, outliers_option, tell
 from hrclog.cli.names import NameOf
 
 if TYPE_CHECKING:
@@ -106,7 +106,10 @@ def command(
         result = replace(result, truth=_against_truth(known, true, names, outliers))
     if output:
         _save(result, predictions, output)
-    click.echo(result.to_json() if as_json else score_text(result))
+    if as_json:
+        echo_json(result.to_json())
+    else:
+        echo_lines(score_text(result))
     return tell(findings)
 
 

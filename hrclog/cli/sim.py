@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_option, signals_option
-from hrclog.cli.common import Progress, json_option, print_json
+from hrclog.cli.common import Progress, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.sim.scenario import scenario_names
 from hrclog.wording import agree, counted, share
@@ -73,7 +73,7 @@ def command(
     simulating = Progress("simulating", runs)
 
     def resuming(count: int) -> None:
-        click.echo(f"resuming: {share(count, runs, 'run')} {agree(count, 'is', 'are')} there", err=True)
+        echo(f"resuming: {share(count, runs, 'run')} {agree(count, 'is', 'are')} there", err=True)
         simulating.advance(count)
 
     with Following(knowledge) as following:
@@ -99,7 +99,8 @@ def command(
     if as_json:
         print_json(result)
     else:
-        click.echo("\n".join(_lines(result, out_dir)))
+        for line in _lines(result, out_dir):
+            echo(line)
     return code
 
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import os
-import signal
 import tempfile
-import threading
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import click
 
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, printable, tell
+from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, echo, tell
 from hrclog.errors import HrclogError, LogReadError
 from hrclog.wording import counted
 
@@ -100,9 +97,9 @@ def _open_recordings(
     if chosen is None:
         chosen, code = _analyse(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")), clocks)
     if chosen.note:
-        click.echo(printable(chosen.note), err=True)
+        echo(chosen.note, err=True)
     if len(chosen.paths) > 1:
-        click.echo(f"{len(chosen.paths)} recordings: the panel on the left (Ctrl-Shift-B) lists them", err=True)
+        echo(f"{len(chosen.paths)} recordings: the panel on the left (Ctrl-Shift-B) lists them", err=True)
     return code if open_viewer(chosen.paths, web_port) == 0 else EXIT_FAILED
 
 
@@ -118,7 +115,7 @@ def _analyse(target: Path, names: tuple[str, ...], folder: Path, clocks: dict[st
     reading.done()
     _check_content(target, analysis)
     chosen = matching_runs(analysis.runs, names, target) if names else drawn_runs(analysis.runs, MOST_RUNS)
-    click.echo(printable(f"analysing {target} into {folder}"), err=True)
+    echo(f"analysing {target} into {folder}", err=True)
     save(analysis, folder, most_recordings=0)
     drawing = Progress("drawing runs", len(chosen))
     paths = draw(analysis, chosen, folder, drawing)
@@ -144,13 +141,14 @@ def _check_content(target: Path, analysis: Analysis) -> None:
 
 
 def _follow_runs(folder: Path, web_port: int | None, every_s: float, until_idle_s: float | None) -> int:
+    from hrclog.analyzers.rerun.stop_request import StopRequest
     from hrclog.analyzers.rerun.viewer import running_viewer
     from hrclog.log.watch import list_folder
 
     list_folder(folder)
-    with _Stop() as stop, running_viewer(web_port) as viewer:
+    with StopRequest() as stop, running_viewer(web_port) as viewer:
         if viewer.page:
-            click.echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
+            echo(f"open {viewer.page} in a browser; Ctrl-C ends it", err=True)
         # after its window is closed, Rerun would print here that it cannot send data
         os.environ.setdefault("RUST_LOG", "off")
         from hrclog.analyzers.live.follow import Followed, follow
@@ -168,41 +166,15 @@ def _follow_runs(folder: Path, web_port: int | None, every_s: float, until_idle_
                 enough,
                 every_s=every_s,
                 until_idle_s=until_idle_s,
-                tell=lambda text: click.echo(printable(text), err=True),
+                tell=lambda text: echo(text, err=True),
                 on_file=reading,
                 followed=followed,
             )
         finally:
             reading.done()
             n_runs, n_ended = len(followed.runs), len(followed.ended)
-            click.echo(f"followed {counted(n_runs, 'run')}, {n_ended:,} ended", err=True)
+            echo(f"followed {counted(n_runs, 'run')}, {n_ended:,} ended", err=True)
         code = viewer.process.poll()
     if code:
         raise HrclogError(f"the Rerun viewer ended with code {code}")
     return EXIT_FINE
-
-
-class _Stop:
-    """Handles SIGINT and SIGTERM inside a `with` block: the first signal is a request to stop."""
-
-    def __init__(self) -> None:
-        self._requested = threading.Event()
-
-    def __enter__(self) -> Self:
-        self._before = {number: signal.signal(number, self._request_stop) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._restore()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait for some seconds or until a stop is requested; return whether it was requested."""
-        return self._requested.wait(seconds)
-
-    def _request_stop(self, number: int, frame: FrameType | None) -> None:
-        self._requested.set()
-        self._restore()
-
-    def _restore(self) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)

@@ -80,15 +80,20 @@ class Message:
     sequence: int = 0
 
 
-def event_message(event: Event, log_time: int) -> Message:
+def event_message(event: Event, log_time: int, *, may_lack_outcome: bool = False) -> Message:
     """Return an event as a message.
+
+    Args:
+        event: what happened.
+        log_time: when it is written.
+        may_lack_outcome: whether the end of a task may tell no outcome, as some sources do not.
 
     Raises:
         InvalidEventError: a field is not of the form the vocabulary asks for.
     """
     row = to_row(event)
     data = encode_row(row)
-    check_row(row)
+    check_row(row, may_lack_outcome=may_lack_outcome)
     # what is written after a whole turn of the 32-bit counter, or before 1970, is right in the payload
     return Message(channels.EVENTS, max(log_time, 0), max(event.time_ns, 0), data, event.seq & 0xFFFFFFFF)
 

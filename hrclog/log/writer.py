@@ -91,7 +91,7 @@ def write_log(path: Path, events: Iterable[Event], signals: Iterable[Signal] = (
     def fill(writer: FinishedWriter) -> None:
         lanes, lane_messages, facts = Lanes(), list[Message](), list[RunStarted]()
         for event in _number_events(events):
-            writer.add(event_message(event, event.time_ns))
+            writer.add(event_message(event, event.time_ns, may_lack_outcome=True))
             lane_messages += lanes.after(event, event.time_ns)
             if isinstance(event, RunStarted):
                 facts.append(event)

@@ -13,11 +13,12 @@ from typing import Any, Final
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import ImportDataError
-from hrclog.events import Event, Outcome, RunEnded, RunStarted, TaskEnded, TaskStarted
+from hrclog.events import Event, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.ids import derived_id
 from hrclog.recorders.importers.gaps import gap_report
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer, Option, Remark
 from hrclog.recorders.importers.mongo_dump import document_id, finite_number, read_task_results
+from hrclog.recorders.importers.mongo_outcomes import Outcomes
 from hrclog.recorders.importers.writing import exact_ns, import_files
 from hrclog.wording import agree, counted
 
@@ -35,18 +36,36 @@ class Mongo(Importer):
     example = "hrclog import mongo task_results.json -o runs --report-gaps"
     options = (
         Option("report_gaps", "Report gaps in the numbering of the recipes: attempts deleted upstream.", bool, False),
+        Option("ok", "Outcome that means succeeded, beside 1 (repeatable).", default=(), multiple=True),
+        Option("failed", "Outcome that means failed, beside 0 (repeatable).", default=(), multiple=True),
+        Option("canceled", "Outcome that means canceled (repeatable).", default=(), multiple=True),
     )
 
-    def read(self, sources: Sequence[Path], **_: object) -> Foreign:
+    def read(
+        self,
+        sources: Sequence[Path],
+        *,
+        ok: Sequence[str] = (),
+        failed: Sequence[str] = (),
+        canceled: Sequence[str] = (),
+        **_: object,
+    ) -> Foreign:
         """Return the runs of dumps, one per recipe.
 
         Raises:
             ImportDataError: no source is such a dump.
+            HrclogError: an outcome is given two meanings.
         """
+        outcomes = Outcomes(ok, failed, canceled)
         diagnostics: list[Diagnostic] = []
         recipes = _group_by_recipe(_read_all(list(sources), diagnostics), diagnostics)
+        diagnostics += outcomes.diagnostics(row for rows in recipes.values() for row in rows)
         n_executions = sum(map(len, recipes.values()))
-        return Foreign(sorted(recipes), lambda recipe: run_events(recipe, recipes[recipe]), n_executions, diagnostics)
+
+        def events(recipe: str) -> list[Event]:
+            return run_events(recipe, (row for _, row in recipes[recipe]), outcomes)
+
+        return Foreign(sorted(recipes), events, n_executions, diagnostics)
 
     def remark(self, imported: Imported, *, report_gaps: bool = False, **_: object) -> Remark:
         """Return the gaps in the numbering of the recipes, if they were asked for."""
@@ -79,8 +98,15 @@ def import_mongo(sources: Iterable[Path], folder: Path, on_run: Callable[[Path],
     return import_files(Mongo(), list(sources), folder, on_run)
 
 
-def run_events(recipe: str, rows: Iterable[Mapping[str, Any]]) -> list[Event]:
-    """Return the events of one recipe, in order of time."""
+def run_events(recipe: str, rows: Iterable[Mapping[str, Any]], outcomes: Outcomes | None = None) -> list[Event]:
+    """Return the events of one recipe, in order of time.
+
+    Args:
+        recipe: its name.
+        rows: its executions.
+        outcomes: what their outcomes mean, where that is not just 1, 0 and hrclog's own words.
+    """
+    outcomes = outcomes or Outcomes()
     ordered = sorted(rows, key=lambda row: (exact_ns(row["t_start"]), row["agent"], document_id(row)))
     run_id = derived_id(SOURCE, recipe)
     run_start_ns = exact_ns(ordered[0]["t_start"])
@@ -88,7 +114,7 @@ def run_events(recipe: str, rows: Iterable[Mapping[str, Any]]) -> list[Event]:
     agents = tuple(sorted({row["agent"] for row in ordered}))
     task_events: list[tuple[tuple[int, int, int], Event]] = []
     for number, row in enumerate(ordered):
-        started, ended = _execution_events(row, run_id, run_start_ns)
+        started, ended = _execution_events(row, run_id, run_start_ns, outcomes)
         # at one instant ends come before starts, but an execution of no length still starts before it ends
         no_length = started.time_ns == ended.time_ns
         task_events.append(((started.time_ns, 1, number), started))
@@ -101,7 +127,9 @@ def run_events(recipe: str, rows: Iterable[Mapping[str, Any]]) -> list[Event]:
     ]
 
 
-def _execution_events(row: Mapping[str, Any], run_id: str, run_start_ns: int) -> tuple[TaskStarted, TaskEnded]:
+def _execution_events(
+    row: Mapping[str, Any], run_id: str, run_start_ns: int, outcomes: Outcomes
+) -> tuple[TaskStarted, TaskEnded]:
     identity = {
         "run_id": run_id,
         "agent": row["agent"],
@@ -115,11 +143,10 @@ def _execution_events(row: Mapping[str, Any], run_id: str, run_start_ns: int) ->
         planned_end_ns=_planned_ns(row, "t_end_planned", run_start_ns),
         **identity,
     )
-    succeeded = row.get("outcome", 1) == 1
     ended = TaskEnded(
         time_ns=exact_ns(row["t_end"]),
-        outcome=Outcome.SUCCEEDED if succeeded else Outcome.FAILED,
-        reason="" if succeeded else f"outcome {row['outcome']!r}",
+        outcome=outcomes.of(row),
+        reason=outcomes.reason(row),
         planned_duration_s=finite_number(row, "duration_planned"),
         planning_time_s=finite_number(row, "planning_time"),
         path_length=finite_number(row, "path_length"),
@@ -164,11 +191,11 @@ def _is_json_value(value: Any) -> bool:  # noqa: ANN401 - any JSON value
 
 def _group_by_recipe(
     executions: Iterable[tuple[Path, Mapping[str, Any]]], diagnostics: list[Diagnostic]
-) -> dict[str, list[Mapping[str, Any]]]:
-    """Group documents by recipe; the same document given twice counts once."""
-    runs: dict[str, dict[str, Mapping[str, Any]]] = {}
+) -> dict[str, list[tuple[Path, Mapping[str, Any]]]]:
+    """Group documents, each with its source, by recipe; the same document given twice counts once."""
+    runs: dict[str, dict[str, tuple[Path, Mapping[str, Any]]]] = {}
     for source, row in executions:
-        first_row = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), row)
+        _, first_row = runs.setdefault(row["recipe"], {}).setdefault(document_id(row), (source, row))
         if repr(first_row) != repr(row):  # NaN differs from itself, its text does not
             text = (
                 f"a second, different document has the id {document_id(row)} in {row['recipe']!r}; the first was kept"

@@ -1,7 +1,4 @@
-"""Read MongoDB dumps of task results: the usable documents, and the problems of the others.
-
-A dump is a JSON array or one document per line, in relaxed or canonical extended JSON, as mongoexport writes them.
-"""
+"""Read MongoDB dumps of task results: the usable documents, and the problems of the others."""
 
 from __future__ import annotations
 
@@ -14,6 +11,7 @@ from typing import Any, Final
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import ImportDataError
+from hrclog.recorders.importers.mongo_text import read_dump
 
 _TEXTS: Final = ("name", "agent", "recipe")
 _INSTANTS: Final = ("t_start", "t_end")
@@ -21,7 +19,6 @@ _PLANNED: Final = ("t_start_planned", "t_end_planned")
 _NUMBERS: Final = (*_PLANNED, "duration_planned", "planning_time", "path_length")
 _SECONDS: Final = (*_INSTANTS, *_PLANNED)
 _END_OF_TIME_S: Final = 2.0**62 / 1e9  # planned instants add to the start of the run
-_NUMBER_TYPES: Final = {"$numberDouble": float, "$numberInt": int, "$numberLong": int}
 _LONGEST_REPR: Final = 80  # characters of a strange value
 
 
@@ -31,10 +28,10 @@ def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnost
     Raises:
         ImportDataError: the file is missing, not JSON, or no array of task results.
     """
-    documents = _documents(source)
+    dump = read_dump(source)
     rows: list[dict[str, Any]] = []
-    diagnostics: list[Diagnostic] = []
-    for number, document in enumerate(documents):
+    diagnostics = list(dump.diagnostics)
+    for number, document in enumerate(dump.values):
         problem = _document_problem(document)
         if problem:
             diagnostics.append(Diagnostic("skipped_row", f"document {number}: {problem}", str(source)))
@@ -44,7 +41,7 @@ def read_task_results(source: Path) -> tuple[list[dict[str, Any]], list[Diagnost
             Diagnostic("non_finite_value", f"document {number}: {text}; it counts as unset", str(source))
             for text in _unusable_numbers(document)
         ]
-    if documents and not rows:
+    if dump.values and not rows:
         content = f"no task result ({diagnostics[0].message})"
         remedy = "give the task_results collection, not task_durations, task_synergies or task_properties"
         raise ImportDataError(source, content, "documents with t_start and t_end", remedy)
@@ -67,46 +64,6 @@ def finite_number(row: Mapping[str, Any], name: str) -> float | None:
     limit = _END_OF_TIME_S if name in _SECONDS else math.inf
     # an integer may be larger than any float
     return float(value) if abs(value) < limit and abs(value) <= sys.float_info.max else None
-
-
-def _documents(source: Path) -> list[Any]:
-    try:
-        text = source.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        content = f"a file that cannot be opened ({error.strerror})"
-        raise ImportDataError(source, content, "a dump of task_results") from error
-    except UnicodeDecodeError as error:
-        raise ImportDataError(source, f"no JSON ({error})", "a JSON array of task results") from error
-    try:
-        documents = _parse(text)
-    except (ValueError, RecursionError) as error:
-        expected = "a JSON array of task results, or one of them per line"
-        raise ImportDataError(source, f"no JSON ({error})", expected) from error
-    if isinstance(documents, dict):
-        return [documents]
-    if not isinstance(documents, list):
-        raise ImportDataError(source, f"a JSON {type(documents).__name__}", "an array of task results")
-    return documents
-
-
-def _parse(text: str) -> Any:  # noqa: ANN401 - any JSON value
-    """Return the value of a JSON text, or the list of its lines' values."""
-    try:
-        return json.loads(text, object_hook=_plain_value)
-    except ValueError:
-        lines = [line for line in text.splitlines() if line.strip()]
-        if len(lines) < 2 or not lines[0].lstrip().startswith("{"):
-            raise
-        return [json.loads(line, object_hook=_plain_value) for line in lines]
-
-
-def _plain_value(value: dict[str, Any]) -> Any:  # noqa: ANN401 - a number, or the object as it is
-    """Return the number that an extended-JSON object stands for."""
-    if len(value) == 1:
-        [(name, text)] = value.items()
-        if name in _NUMBER_TYPES and isinstance(text, str):
-            return _NUMBER_TYPES[name](text)
-    return value
 
 
 def _document_problem(document: Any) -> str | None:  # noqa: ANN401 - any JSON value

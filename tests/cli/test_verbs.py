@@ -295,14 +295,42 @@ def test_closed_and_full_streams_make_no_traceback(redirect: str, code: int, sam
 @pytest.mark.parametrize(
     "facts", [{"agents": [1]}, {"agents": 5}, {"agents": "human"}, {"software": "x"}, {"name": 5}, {"agnets": ["H"]}]
 )
-def test_a_first_line_that_says_nonsense_of_the_run_is_one_clear_sentence(
+def test_a_first_line_that_says_nonsense_of_the_run_is_refused_and_nothing_written(
     facts: dict[str, Any], tmp_path: Path
 ) -> None:
     done = piped(tmp_path / "run.mcap", json.dumps({"kind": "run_started", **facts}))
     assert done.returncode == 1
-    assert done.stderr.startswith(b"hrclog: error:")
-    assert len(done.stderr.splitlines()) == 1
+    refused, failed = done.stderr.splitlines()
+    assert refused.startswith(b"error: line 1: ")
+    assert failed.endswith(b"found 1 line of which none can be recorded, expected events; nothing was written")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_runs_in_one_pipe_get_a_log_each_in_folders_that_are_made(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "not" / "there" / "cell.mcap"
+    lines = [
+        '{"kind": "run_started", "name": "first", "time_ns": 1700000000000000000, "details": {"operator": "P07"}}',
+        '{"kind": "task_started", "agent": "H", "task": "pick", "time_ns": 1700000001000000000}',
+        '{"kind": "run_ended", "time_ns": 1700000009000000000, "outcome": "failed"}',
+        '{"kind": "run_started", "name": "second", "time_ns": 1700000010000000000}',
+        '{"kind": "signal", "name": "distance", "value": 0.7, "time_ns": 1700000011000000000}',
+    ]
+    done = piped(path, *lines, options=["--json", "--ack", "--on-run-end", str(tmp_path / "kb.sqlite")])
+    assert done.returncode == 0, done.stderr
+    further = path.with_name("cell-run2.mcap")
+    assert done.stderr.decode().splitlines() == [
+        f"{path}: 2 events recorded",
+        f"{further}: 0 events, 1 sample recorded",
+    ]
+    acks, document = done.stdout.decode().split("{\n", 1)
+    assert [json.loads(ack) for ack in acks.splitlines()][-1] == {"signals": ["distance"]}
+    result = json.loads("{\n" + document)
+    assert [run["path"] for run in result["runs"]] == [str(path), str(further)]
+    assert (result["n_events"], result["n_samples"], result["path"]) == (2, 1, str(path))
+    runs = run("info", path, further, "--json").json()["runs"]
+    assert [(row["name"], row["outcome"]) for row in runs] == [("first", "failed"), ("second", "succeeded")]
+    learnt = run("kb", "show", "--kb", tmp_path / "kb.sqlite", "--json").json()
+    assert sorted(row["name"] for row in learnt["runs"]) == ["first", "second"]
 
 
 def test_a_log_that_was_cut_off_is_not_called_closed(run: Run, samples: Path, tmp_path: Path) -> None:

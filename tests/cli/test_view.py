@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import signal
@@ -205,6 +206,46 @@ def test_an_interrupt_ends_following_in_peace(number: signal.Signals, tmp_path: 
     assert process.returncode == 0
     assert err.splitlines()[1:] == ["followed 1 run, 0 ended"]
     assert not listens(port)  # the viewer has gone too
+
+
+def processes_of(path: Path) -> list[str]:
+    """Return the command lines of the processes that were given a path."""
+    commands = []
+    for process in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            commands.append(process.read_bytes().replace(b"\0", b" ").decode(errors="replace"))
+    return [command for command in commands if str(path) in command]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize(
+    ("number", "ignored"), [(signal.SIGINT, False), (signal.SIGINT, True), (signal.SIGTERM, False)], ids=str
+)
+def test_a_signal_ends_a_viewer_in_the_browser_with_its_server(
+    number: signal.Signals, ignored: bool, samples: Path, run: Run, tmp_path: Path
+) -> None:
+    recording = tmp_path / "analysis.rrd"
+    assert run("analyze", samples / "single.mcap", "-o", tmp_path, "--recordings", "0").code == 0
+    port = free_port()
+    as_in_the_background = ["sh", "-c", 'trap "" INT; exec "$@"', "sh"] if ignored else []
+    process = subprocess.Popen(
+        [*as_in_the_background, sys.executable, "-m", "hrclog", "view", recording, "--web", "--port", str(port)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        until = time.monotonic() + 60
+        while not listens(port):
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        process.send_signal(number)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+    assert processes_of(recording) == []
+    assert not listens(port)
 
 
 @pytest.mark.slow

@@ -7,23 +7,36 @@ import re
 from pathlib import Path
 from typing import Any
 
+import polars as pl
 import pytest
 from event_strategies import EVENTS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hrclog import Recorder
+from hrclog.errors import InvalidEventError
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import Event, TaskFact
 from hrclog.log.reader import read_logs
-from hrclog.recorders.stdin import Refused, record_lines, record_stream
+from hrclog.recorders.json_lines import Sample
+from hrclog.recorders.stdin import Refused, record_stream
+
+NOON = 1_772_452_800_000_000_000
+RUN_FACTS = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed", "segment")
+TEXT = st.characters(exclude_categories=["Cs"])
+JSON_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.text(TEXT),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(TEXT), inner, max_size=3),
+    max_leaves=5,
+)
 
 
 def record(path: Path, lines: list[str]) -> tuple[list[dict[str, Any]], list[Refused]]:
     """Record lines; return the rows between the recorder's own first and last event, and what was refused."""
     seen: list[Event] = []
-    with Recorder(path) as recorder:
-        count, refused, _ = record_lines(lines, recorder, seen.append)
+    recording = record_stream([line(kind="run_started"), *lines], path, on_event=seen.append)
+    refused = [Refused(entry.line - 1, entry.reason) for entry in recording.refused]
+    [run] = recording.runs
+    count = run.n_events
     assert count == len(seen)
     events = read_logs(path).events.sort("seq")
     assert events["seq"].to_list() == list(range(events.height))
@@ -109,7 +122,7 @@ BAD = [
     (line(kind="task_ended", agent="robot", task="pick", execution_id="e"), "end_without_start"),
     (line(kind="run_ended", outcome="ok"), "outcome is 'ok', expected one of succeeded"),
     (line(kind="task_teleported"), "kind is 'task_teleported', expected one of the vocabulary"),
-    (line(kind="run_started"), "after the run began"),
+    (line(kind="run_started"), "a second time"),
     (line(kind="safety_state_changed", speed_scale=-1), "speed_scale is -1"),
 ]
 
@@ -125,10 +138,9 @@ def test_a_line_that_cannot_be_recorded_is_refused_with_its_number_and_the_other
 
 
 def test_nothing_follows_the_end_of_a_run(path: Path) -> None:
-    with Recorder(path) as recorder:
-        lines = [line(kind="run_ended", outcome="canceled"), line(kind="heartbeat")]
-        count, refused, _ = record_lines(lines, recorder)
-    assert (count, [entry.line for entry in refused]) == (1, [2])
+    lines = [line(kind="run_ended", outcome="canceled"), line(kind="heartbeat"), line(kind="signal", name="x", value=1)]
+    recording = record_stream(lines, path)
+    assert (recording.runs[0].n_events, [entry.line for entry in recording.refused]) == (1, [2, 3])
     assert read_logs(path).events["outcome"].to_list() == ["", "canceled"]
 
 
@@ -140,32 +152,34 @@ def test_any_events_come_through_as_they_are_unless_the_state_machine_refuses_th
     path = tmp_path / "run.mcap"
     path.unlink(missing_ok=True)
     lines = [json.dumps({k: v for k, v in to_row(event).items() if v is not None}) for event in events]
-    with Recorder(path) as recorder:
-        recorded: list[Event] = []
-        _, refused, _ = record_lines(lines, recorder, recorded.append)
-    kept = [event for number, event in enumerate(events, 1) if number not in {entry.line for entry in refused}]
+    recorded: list[Event] = []
+    opening = line(kind="heartbeat", time_ns=0)  # on a clock of its own, any instant may be right
+    refused = record_stream([opening, *lines], path, on_event=recorded.append).refused
+    kept = [event for number, event in enumerate(events, 2) if number not in {entry.line for entry in refused}]
     ignored = {"run_id": "", "seq": 0}
-    assert [to_row(event) | ignored for event in recorded] == [to_row(event) | ignored for event in kept]
+    assert [to_row(event) | ignored for event in recorded[1:]] == [to_row(event) | ignored for event in kept]
     for entry in refused:
-        event = events[entry.line - 1]
+        event = events[entry.line - 2]
         assert isinstance(event, TaskFact) or event.kind == "run_started" or "after run_ended" in entry.reason
 
 
 @settings(max_examples=60)
 @given(st.lists(st.text(max_size=40), max_size=4))
-def test_any_text_is_recorded_or_refused(tmp_path: Path, lines: list[str]) -> None:
+def test_any_text_is_refused(tmp_path: Path, lines: list[str]) -> None:
     path = tmp_path / "run.mcap"
     path.unlink(missing_ok=True)
-    with Recorder(path) as recorder:
-        count, refused, _ = record_lines(lines, recorder)
-    assert count + len(refused) == sum(bool(text.strip()) for text in lines)
+    refused = record_stream([line(kind="heartbeat"), *lines], path).refused
+    assert len(refused) == sum(bool(text.strip()) for text in lines)
 
 
-def test_a_run_ends_with_the_latest_of_its_events_in_whatever_order_they_come(path: Path) -> None:
-    late, early = (line(kind="annotation_added", reason="x", time_ns=at) for at in (2_000, 1_000))
-    with Recorder(path, time_ns=0) as recorder:
-        assert record_lines([late, early], recorder)[2] == 2_000
-        assert record_lines([early, late], recorder)[2] == 2_000
+@pytest.mark.parametrize("times", [(2_000, 1_000), (1_000, 2_000)])
+def test_a_run_ends_with_the_latest_of_its_events_in_whatever_order_they_come(
+    path: Path, times: tuple[int, int]
+) -> None:
+    first, second = (line(kind="annotation_added", reason="x", time_ns=at) for at in times)
+    record_stream([line(kind="run_started", time_ns=0), first, second], path)
+    ends = read_logs(path).events.filter(pl.col("kind") == "run_ended")
+    assert ends["time_ns"].to_list() == [2_000]
 
 
 @pytest.mark.parametrize("blanks", [0, 2])
@@ -174,3 +188,166 @@ def test_a_refused_line_is_named_by_its_number_in_the_input(blanks: int, opening
     lines = [""] * blanks + [line(kind="run_started", name="a")] * opening
     lines += [line(kind="annotation_added", reason="x"), "nonsense"]
     assert [refused.line for refused in record_stream(lines, path).refused] == [len(lines)]
+
+
+def started(**fields: object) -> str:
+    return line(kind="run_started", time_ns=NOON, **fields)
+
+
+def execution(agent: str = "robot", task: str = "pick", at_s: int = 1) -> list[str]:
+    whose = {"agent": agent, "task": task}
+    return [
+        line(kind="task_started", time_ns=NOON + at_s * 10**9, **whose),
+        line(kind="task_ended", time_ns=NOON + (at_s + 3) * 10**9, **whose),
+    ]
+
+
+def first_event(path: Path) -> dict[str, Any]:
+    return read_logs(path).events.sort("seq").row(0, named=True)
+
+
+@settings(max_examples=20)
+@given(st.dictionaries(st.text(TEXT, min_size=1).filter(lambda name: name not in RUN_FACTS), JSON_VALUES, max_size=4))
+def test_whatever_details_the_first_line_has_are_in_the_log(tmp_path: Path, details: dict[str, Any]) -> None:
+    path = tmp_path / "run.mcap"
+    path.unlink(missing_ok=True)
+    assert record_stream([started(name="a", agents=["H"], details=details)], path).refused == []
+    written = json.loads(first_event(path)["details"])
+    assert written == details | {"name": "a", "agents": ["H"]}
+
+
+FIRST_LINES = [
+    '{"kind": "run_started", "name": "a", "time_ns": 5',
+    "nonsense",
+    "[]",
+    line(name="a"),
+    line(kind="run_begun", time_ns=5),
+    line(kind="run_started", agents=["H", 5], time_ns=5),
+    line(kind="run_started", operator="P07", time_ns=5),
+    line(kind="task_ended", agent="robot", task="pick", time_ns=5),
+    line(kind="task_started", agent="robot", time_ns=5),
+    line(kind="signal", name="x", time_ns=5),
+]
+
+
+@pytest.mark.parametrize("bad", FIRST_LINES)
+def test_a_bad_first_line_is_refused_and_the_run_begins_with_its_first_event(path: Path, bad: str) -> None:
+    recording = record_stream([bad, *execution()], path)
+    assert [entry.line for entry in recording.refused] == [1]
+    assert (recording.runs[0].n_events, first_event(path)["time_ns"]) == (2, NOON + 10**9)
+
+
+@pytest.mark.parametrize("bad", FIRST_LINES)
+def test_where_no_line_can_be_recorded_nothing_is_written(tmp_path: Path, bad: str) -> None:
+    refused: list[Refused] = []
+    with pytest.raises(InvalidEventError, match="1 line of which none can be recorded"):
+        record_stream([bad], tmp_path / "folder" / "run.mcap", on_refusal=refused.append)
+    assert [entry.line for entry in refused] == [1]
+    assert list(tmp_path.iterdir()) == []
+
+
+@settings(max_examples=15)
+@given(st.lists(st.booleans(), min_size=1, max_size=4))
+def test_every_run_of_a_stream_has_its_log(tmp_path_factory: pytest.TempPathFactory, ended: list[bool]) -> None:
+    path = tmp_path_factory.mktemp("runs") / "cell.mcap"
+    lines: list[str] = []
+    for number, has_end in enumerate(ended):
+        end = [line(kind="run_ended", outcome="canceled", time_ns=NOON + 9 * 10**9)] if has_end else []
+        lines += [started(name=f"run {number}"), *execution(), *end]
+    recording = record_stream(lines, path)
+    assert recording.refused == []
+    assert [run.path.name for run in recording.runs] == [
+        "cell.mcap",
+        "cell-run2.mcap",
+        "cell-run3.mcap",
+        "cell-run4.mcap",
+    ][: len(ended)]
+    for number, (run, has_end) in enumerate(zip(recording.runs, ended, strict=True)):
+        events = read_logs(run.path).events.sort("seq")
+        assert json.loads(events["details"][0])["name"] == f"run {number}"
+        assert events["kind"].to_list() == ["run_started", "task_started", "task_ended", "run_ended"]
+        assert events["outcome"][-1] == ("canceled" if has_end else "succeeded")
+        assert events["time_ns"][-1] == NOON + (9 if has_end else 4) * 10**9
+        assert events["run_id"].unique().to_list() == [run.run_id]
+
+
+def test_a_further_run_overwrites_no_log(tmp_path: Path) -> None:
+    (tmp_path / "cell-run2.mcap").write_bytes(b"")
+    (tmp_path / "cell-run3.mcap.partial").write_bytes(b"")
+    runs = record_stream([started(name="a"), started(name="b")], tmp_path / "cell.mcap").runs
+    assert [run.path.name for run in runs] == ["cell.mcap", "cell-run4.mcap"]
+
+
+def test_only_the_first_run_is_resumed(path: Path) -> None:
+    record_stream([started(name="a"), *execution()], path)
+    runs = record_stream([started(), *execution(at_s=5), started(name="b"), *execution()], path, resume=True).runs
+    assert [run.path.name for run in runs] == ["run.2.mcap", "run-run2.mcap"]
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 3_000_000_000), st.sampled_from([10**3, 10**6, 10**9]), st.booleans(), st.booleans())
+def test_times_of_another_unit_are_refused_wherever_they_stand(
+    tmp_path: Path, seconds: int, factor: int, opened: bool, fraction: bool
+) -> None:
+    path = tmp_path / "run.mcap"
+    path.unlink(missing_ok=True)
+    time = (950_000_000 + seconds) * 10**9 // factor
+    wrong = line(kind="heartbeat", time_ns=time + 0.5 if fraction else time)
+    lines = [*([started()] if opened else []), wrong, line(kind="heartbeat", time_ns=NOON)]
+    [refused] = record_stream(lines, path).refused
+    unit = {10**9: "seconds", 10**6: "milliseconds", 10**3: "microseconds"}[factor]
+    assert refused.line == len(lines) - 1
+    assert f"found {unit} since 1970" in refused.reason
+    assert "expected nanoseconds" in refused.reason
+    assert first_event(path)["time_ns"] == NOON
+
+
+def test_a_run_on_a_clock_of_its_own_may_pass_any_instant(path: Path) -> None:
+    times = [0, 1_780_000_000, 1_780_000_000_000, 1_780_000_000_000_000]
+    lines = [line(kind="run_started", time_ns=0), *(line(kind="heartbeat", time_ns=time) for time in times)]
+    assert record_stream(lines, path).refused == []
+
+
+def test_samples_of_signals_are_recorded_between_events(path: Path) -> None:
+    sampled: list[Sample] = []
+    lines = [
+        line(kind="signal", name="distance", value=1, time_ns=NOON),
+        *execution(),
+        line(kind="signal", values={"distance": 0.5, "force": -2}, time_ns=NOON + 7 * 10**9),
+    ]
+    recording = record_stream(lines, path, on_sample=sampled.append)
+    assert recording.refused == []
+    assert (recording.runs[0].n_events, recording.runs[0].n_samples, len(sampled)) == (2, 3, 2)
+    logs = read_logs(path, signals=True)
+    rows = logs.signals.sort("time_ns", "name").select("name", "value", "time_ns").rows()
+    late = NOON + 7 * 10**9
+    assert rows == [("distance", 1.0, NOON), ("distance", 0.5, late), ("force", -2.0, late)]
+    events = logs.events.sort("seq")
+    assert (events["time_ns"][0], events["time_ns"][-1]) == (NOON, late)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"name": "x"},
+        {"value": 1},
+        {},
+        {"name": "", "value": 1},
+        {"name": 5, "value": 1},
+        {"name": "\ud800", "value": 1},
+        {"name": "x", "value": "1"},
+        {"name": "x", "value": True},
+        {"name": "x", "value": 10**400},
+        {"name": "x", "value": None},
+        {"name": "x", "value": 1, "values": {"x": 1}},
+        {"values": {}},
+        {"values": [1]},
+        {"values": {"x": "1"}},
+        {"name": "x", "value": 1, "unit": "m"},
+        {"name": "x", "value": 1, "time_ns": "now"},
+    ],
+)
+def test_a_sample_that_is_none_is_refused(path: Path, fields: dict[str, object]) -> None:
+    recording = record_stream([started(), line(kind="signal", **fields)], path)
+    assert [entry.line for entry in recording.refused] == [2]
+    assert recording.runs[0].n_samples == 0

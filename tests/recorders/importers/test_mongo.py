@@ -172,9 +172,8 @@ def test_planned_times_beyond_the_clock_count_as_unset(value: float, tmp_path: P
 
 
 def test_missing_optional_facts_are_unset_without_a_word(tmp_path: Path) -> None:
-    bare = {
-        name: value for name, value in document().items() if name in ("name", "agent", "recipe", "t_start", "t_end")
-    }
+    needed = ("name", "agent", "recipe", "t_start", "t_end", "outcome")
+    bare = {name: value for name, value in document().items() if name in needed}
     found = import_mongo([dump(tmp_path / "dump.json", bare)], tmp_path / "logs")
     assert found.diagnostics == []
     row = only_row(tmp_path / "logs")
