@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import re
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
@@ -17,6 +18,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader, ReaderError
 
 from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.cli import main
 from hrclog.errors import HrclogError
 from hrclog.log.reader import read_logs
 from hrclog.log.recover import recover
@@ -66,6 +68,15 @@ def read_our_events(path: Path) -> Reading:
         reading.facts = (logs.events.drop("path"),)
 
     return _measured(read, HrclogError)
+
+
+def check_ours(path: Path) -> int:
+    """Return the exit code of `hrclog check`, -1 for an untyped error."""
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        try:
+            return main(["check", str(path)])
+        except Exception:  # noqa: BLE001 - whatever it is, it is not what the command should end with
+            return -1
 
 
 def recover_ours(path: Path, target: Path) -> Reading:

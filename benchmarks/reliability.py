@@ -1,12 +1,14 @@
 """The figures of docs/reliability.md: SIGKILLs of everything that writes, and damaged files of every kind.
 
-`PYTHONPATH=CHECKOUT python benchmarks/reliability.py --mutants 300 --kills 50` tries the hrclog of any checkout.
+`PYTHONPATH=CHECKOUT python benchmarks/reliability.py --mutants 300 --kills 50` tries the hrclog of any checkout;
+`--keep NUMBER` writes one mutant of a seed into a file.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import resource
 import sys
 import tempfile
@@ -23,30 +25,28 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "helpers"))
 
 from kills import kill_many
 from mutant_bases import make_bases, whole_or_raise
-from mutant_readers import PEERS, Reading, read_our_events, read_ours, recover_ours, same_facts
+from mutant_readers import PEERS, Reading, check_ours, read_our_events, read_ours, recover_ours, same_facts
 from mutants import KINDS, Base, mutant
 
 import hrclog
 
+PAGE: Final = Path(__file__).parents[1] / "docs" / "reliability.md"
 LONGEST_S: Final = 5.0
 LARGEST_MB: Final = 500.0
 SHARD: Final = 100
+CHECK_EVERY: Final = 20  # mutants; to the others the exit code is that of the findings
 MOST_MEMORY: Final = 6 << 30  # bytes; more would hurt the machine
 
 Count = Counter[tuple[str, ...]]
 
 TABLE: Final = {
     "mutants": "mutants",
-    "other facts, exit 0": "silent",
-    "of these: told as unprotected": "unprotected",
-    "told as unfinished": "unfinished",
+    "exit 0, other facts": "silent",
+    "of these `unprotected`": "unprotected",
+    "earlier end, `unfinished_log`": "unfinished",
     "untyped error": "untyped",
     "over 5 s or 500 MB": "costly",
     "recovered looks cleaner": "laundered",
-    "mcap: other facts": "mcap silent",
-    "mcap: untyped": "mcap untyped",
-    "rosbags: other facts": "rosbags silent",
-    "rosbags: untyped": "rosbags untyped",
 }
 """Columns of the table of mutants, and what they count."""
 
@@ -79,10 +79,10 @@ def try_shard(first: int, last: int, seed: int) -> tuple[Count, list[dict[str, A
     with tempfile.TemporaryDirectory() as folder:
         for number in range(first, last):
             case, family, kind, data = _mutant(number, seed)
-            results = _judged(case, data, Path(folder))
+            results = _judged(case, data, number, Path(folder))
             key = ("with" if case.base.protected else "without", family, kind, case.base.name)
             counts.update((*key, result) for result in ("mutants", *results))
-            if results.keys() & {"silent", "untyped", "costly", "laundered"}:
+            if results.keys() & {"silent", "untyped", "costly", "laundered", "disagrees"}:
                 notes.append({"number": number, "base": case.base.name, "kind": kind, **results})
     return counts, notes
 
@@ -97,12 +97,14 @@ def _mutant(number: int, seed: int) -> tuple[Case, str, str, bytes]:
             return case, family, kind, data
 
 
-def _judged(case: Case, data: bytes, folder: Path) -> dict[str, str]:
+def _judged(case: Case, data: bytes, number: int, folder: Path) -> dict[str, str]:
     """Return what is to be counted of a mutant, each with a remark."""
     path = folder / f"mutant{case.base.suffix}"
     path.write_bytes(data)
     reading, events = read_ours(path), read_our_events(path)
     results = _ours(case, data, reading, events)
+    if number % CHECK_EVERY == 0 and (code := check_ours(path)) != events.code:
+        results["disagrees"] = f"`hrclog check` exits {code}, reading {events.code}"
     target = folder / "recovered.mcap"
     recovered = recover_ours(path, target)
     if reading.code == 3 and recovered.code == 0 and not same_facts(recovered.facts, case.facts):
@@ -184,32 +186,45 @@ def _progress(what: str, done: int, total: int) -> None:
 
 
 def mutant_table(counts: Count) -> str:
-    """Return the counts by protection and family as a markdown table."""
+    """Return the counts of our reader by protection and family as a markdown table."""
     lines = ["| checksums | damage | " + " | ".join(TABLE) + " |", "| --- | --- |" + " --- |" * len(TABLE)]
-    groups = {key[:2]: None for key in sorted(counts)}
-    for group in groups:
-        totals = [
-            sum(n for key, n in counts.items() if key[:2] == group and key[-1] == what) for what in TABLE.values()
-        ]
+    for group in sorted({key[:2] for key in counts}):
+        totals = (_total(counts, group, what) for what in TABLE.values())
         lines.append(f"| {group[0]} | {group[1]} | " + " | ".join(f"{total:,}" for total in totals) + " |")
     return "\n".join(lines)
 
 
+def peer_table(counts: Count) -> str:
+    """Return what the readers make of the same files as a markdown table."""
+    header = ("silently other facts", "untyped error", "over 5 s or 500 MB")
+    lines = [f"| reader | checksums | mutants | {' | '.join(header)} |", "| --- |" + " --- |" * (len(header) + 2)]
+    for prefix in ("", *(f"{name} " for name in PEERS)):
+        for group in sorted({key[:1] for key in counts}):
+            whats = ("mutants", *(f"{prefix}{what}" for what in ("silent", "untyped", "costly")))
+            cells = " | ".join(f"{_total(counts, group, what):,}" for what in whats)
+            lines.append(f"| {prefix.strip() or 'hrclog'} | {group[0]} | {cells} |")
+    return "\n".join(lines)
+
+
+def _total(counts: Count, group: tuple[str, ...], what: str) -> int:
+    return sum(n for key, n in counts.items() if key[: len(group)] == group and key[-1] == what)
+
+
 def silent_table(counts: Count, notes: list[dict[str, Any]]) -> str:
     """Return each kind of damage that gives other facts without a word, or is laundered, with an example."""
+    kinds = sorted({key[:4] for key in counts if key[-1] in ("silent", "laundered")})
+    if not kinds:
+        return "None."
     lines = ["| checksums | base | kind | mutants | silent | laundered | example |", "| --- |" + " --- |" * 6]
-    for key in sorted({key[:4] for key in counts if key[-1] in ("silent", "laundered")}):
+    for key in kinds:
         protection, _, kind, base = key
         n_all, n_silent, n_laundered = (counts[(*key, what)] for what in ("mutants", "silent", "laundered"))
-        remark = next(
-            (
-                note.get("silent", note.get("laundered"))
-                for note in notes
-                if (note["base"], note["kind"]) == (base, kind) and note.keys() & {"silent", "laundered"}
-            ),
-            "",
+        remarks = (
+            f"{note['number']}: {note.get('silent') or note.get('laundered')}"
+            for note in notes
+            if (note["base"], note["kind"]) == (base, kind) and note.keys() & {"silent", "laundered"}
         )
-        lines.append(f"| {protection} | {base} | {kind} | {n_all} | {n_silent} | {n_laundered} | {remark} |")
+        lines.append(f"| {protection} | {base} | {kind} | {n_all} | {n_silent} | {n_laundered} | {next(remarks, '')} |")
     return "\n".join(lines)
 
 
@@ -230,15 +245,41 @@ def _as_rows(counts: Count) -> Iterator[dict[str, Any]]:
         yield names | {found[-1]: n for found, n in sorted(counts.items()) if found[:4] == key}
 
 
-def main() -> None:
-    """Print the tables; write all counts and notes as JSON."""
+def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--mutants", type=int, default=30_000)
     parser.add_argument("--kills", type=int, default=1_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("-o", "--output", type=Path, help="a JSON file")
-    options = parser.parse_args()
+    parser.add_argument("--keep", type=int, metavar="NUMBER", help="only write this mutant, beside the whole file")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/reliability.md")
+    parser.add_argument("-o", "--output", type=Path, help="a JSON file with all counts")
+    return parser.parse_args()
+
+
+def _keep(number: int, seed: int) -> None:
+    case, _, kind, data = _mutant(number, seed)
+    for name, content in ((f"mutant-{number}", data), ("whole", case.base.data)):
+        Path(f"{name}{case.base.suffix}").write_bytes(content)
+    print(f"mutant-{number}{case.base.suffix}: {case.base.name}, {kind}; whole{case.base.suffix}")
+
+
+def _replaced(page: str, name: str, text: str) -> str:
+    """Return a page with other text between the marks of a name."""
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    return re.sub(f"{re.escape(begin)}.*?{re.escape(end)}", lambda _: f"{begin}\n{text}\n{end}", page, flags=re.DOTALL)
+
+
+def _write(name: str, text: str) -> None:
+    PAGE.write_text(_replaced(PAGE.read_text(encoding="utf-8"), name, text), encoding="utf-8")
+
+
+def main() -> None:
+    """Print the tables; write all counts and notes as JSON."""
+    options = _options()
+    if options.keep is not None:
+        _keep(options.keep, options.seed)
+        return
     document: dict[str, Any] = {"hrclog": str(Path(hrclog.__file__).parent), "seed": options.seed}
     print(f"{document['hrclog']}, seed {options.seed}")
     if options.kills:
@@ -246,23 +287,29 @@ def main() -> None:
         done = iter(range(1, options.kills + 1))
         rows = kill_many(options.kills, options.seed, folder, lambda: _progress("kills", next(done), options.kills))
         document["kills"] = rows
-        print(f"\n{kill_table(rows)}")
-        print(*(f"{row['situation']}: {fault}" for row in rows for fault in row["faults"][:5]), sep="\n")
+        text = kill_table(rows)
+        print(f"\n{text}", *(f"{row['situation']}: {fault}" for row in rows for fault in row["faults"][:5]), sep="\n")
+        if options.write:
+            _write("kills", text)
     if options.mutants:
         counts, notes = try_mutants(options.mutants, options.seed, options.workers)
         document |= {"mutants": list(_as_rows(counts)), "notes": notes}
-        print(f"\n{mutant_table(counts)}\n\n{silent_table(counts, notes)}")
-        print(
-            *(
-                f"{note['base']}, {note['kind']}: {note[what]}"
-                for note in notes
-                for what in ("untyped", "costly")
-                if what in note
-            ),
-            sep="\n",
-        )
+        tables = mutant_table(counts), peer_table(counts), silent_table(counts, notes)
+        print("", *tables, *_remarks(notes), sep="\n\n")
+        if options.write:
+            for name, text in zip(("mutants", "peers", "silent"), tables, strict=True):
+                _write(name, text)
     if options.output:
         options.output.write_text(json.dumps(document, indent=1), encoding="utf-8")
+
+
+def _remarks(notes: list[dict[str, Any]]) -> list[str]:
+    return [
+        f"{note['number']}: {note['base']}, {note['kind']}: {note[what]}"
+        for note in notes
+        for what in ("untyped", "costly", "disagrees")
+        if what in note
+    ]
 
 
 if __name__ == "__main__":
