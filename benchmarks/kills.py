@@ -32,7 +32,7 @@ def _recording(longest_s: float, pace_s: float = 0.0, *, signals: bool = False) 
 
 def _closing(server: Server, folder: Path, chance: random.Random) -> Left:
     count = chance.randrange(1, 60)
-    server.run_and_kill("record", folder, chance.uniform(0.0, 0.04), pace_s=0.0, count=count)
+    server.run_and_kill("record", folder, chance.uniform(0.0, 0.1), pace_s=0.0, count=count)
     return check_run(folder, acknowledged(folder))
 
 

@@ -113,8 +113,10 @@ def serve() -> None:
         name, folder, arguments = json.loads(line)
         child = os.fork()
         if not child:
-            JOBS[name](Path(folder), **arguments)
-            os._exit(0)
+            try:
+                JOBS[name](Path(folder), **arguments)
+            finally:  # a recorder that was killed early may have left nothing to close or to resume
+                os._exit(0)
         print(child, flush=True)  # noqa: T201 - the answer
         sys.stdin.readline()  # until then a child that has ended keeps its number
         os.waitpid(child, 0)
