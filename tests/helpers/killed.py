@@ -20,6 +20,7 @@ from typing import Final, Self
 
 import polars as pl
 
+from hrclog.diagnostic import CODES
 from hrclog.errors import LogReadError
 from hrclog.log.journal import journal_path
 from hrclog.log.reader import Logs, read_logs
@@ -200,7 +201,7 @@ def check_run(folder: Path, events: list[tuple[str, str]]) -> Left:
     try:
         before = read_logs(logs)
         _check_events(left, before, events)
-        torn = _check_errors(left, before, logs)
+        errors = _check_errors(left, before, logs)
         for journal in folder.glob("run*.mcap.partial"):
             _close(left, journal, before)
         if left.state.endswith("no header"):
@@ -208,7 +209,10 @@ def check_run(folder: Path, events: list[tuple[str, str]]) -> Left:
         after = read_logs([*folder.glob("run*.mcap")])
         left.expect(_same_events(before, after), "recovery changed the events")
         codes = {finding.code for finding in after.diagnostics if finding.severity == "error"} - {"no_events"}
-        left.expect(torn or not codes, f"the recovered log has {sorted(codes)}")
+        left.expect(errors or not codes, f"the recovered log has {sorted(codes)}")
+        if REMEMBERED in CODES:
+            torn = bool(errors & {"truncated", REMEMBERED})
+            left.expect((REMEMBERED in codes) is torn, f"torn bytes: {torn}, the recovered log has {sorted(codes)}")
     except Exception as error:  # noqa: BLE001 - whatever it is, what was left cannot be read
         left.n_lost = left.n_lost or left.n_acknowledged
         left.faults.append(f"unreadable: {type(error).__name__}: {error}")
@@ -236,13 +240,13 @@ def _check_events(left: Left, logs: Logs, events: list[tuple[str, str]]) -> None
     left.expect(logs.events["seq"].sort().to_list() == list(range(logs.events.height)), "seq has gaps")
 
 
-def _check_errors(left: Left, logs: Logs, paths: list[Path]) -> bool:
-    """Check that errors are told only where bytes are torn or nothing is there; return whether bytes are torn."""
+def _check_errors(left: Left, logs: Logs, paths: list[Path]) -> set[str]:
+    """Check that errors are told only where bytes are torn or nothing is there; return them."""
     errors = {finding.code for finding in logs.diagnostics if finding.severity == "error"}
     left.expect(errors <= {*UNFINISHED, REMEMBERED}, f"errors {sorted(errors - UNFINISHED)}")
     journals = [path for path in paths if path.suffix == ".partial"]
     left.expect(errors <= {REMEMBERED} or journals or logs.events.is_empty(), "a finished log has errors")
-    return bool(errors)
+    return errors
 
 
 def _same_events(before: Logs, after: Logs) -> bool:
