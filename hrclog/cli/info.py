@@ -1,16 +1,24 @@
-"""`hrclog info`: what a log holds."""
+"""`hrclog info`: what a log holds, and what any MCAP file is."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import echo, echo_lines, json_option, logs_argument, number, print_json, table, tell
+from hrclog.cli.common import echo, echo_lines, json_option, logs_argument, number, print_json, printable, table, tell
+from hrclog.wording import counted
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hrclog.diagnostic import Diagnostic
+    from hrclog.log.describe import Description
     from hrclog.log.reader import Logs
+
+_MOST_DESCRIBED: Final = 3
+"""Files whose channels the text lists; more would hide the table of runs."""
 
 
 @click.command(name="info")
@@ -20,6 +28,8 @@ if TYPE_CHECKING:
 def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int:
     """Show what logs hold: files, runs, agents, events, span, and whether they were closed.
 
+    Describes any MCAP file: profile, channels, schemas, times, chunks, compression, indexes, attachments, metadata.
+
     \b
     Example:
       hrclog info run.mcap
@@ -27,14 +37,61 @@ def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int
     from hrclog.log.reader import read_logs
 
     read = read_logs(logs, signals=True, clocks=clocks)
+    described = {file: facts for path in read.paths for file in _files_of(path) if (facts := _described(file))}
+    diagnostics = _diagnostics(read, described)
     files, runs = _files(read), _runs(read)
     if as_json:
-        print_json({"files": files, "runs": runs, "diagnostics": [finding.as_dict() for finding in read.diagnostics]})
+        print_json(
+            {
+                "files": files,
+                "runs": runs,
+                "mcap": [{"path": str(path), **facts.as_dict()} for path, facts in described.items()],
+                "diagnostics": [finding.as_dict() for finding in diagnostics],
+            }
+        )
     else:
         echo_lines(_file_table(files))
-        echo()
-        echo_lines(_run_table(runs))
-    return tell(read.diagnostics)
+        if len(files) <= _MOST_DESCRIBED:
+            for path, facts in described.items():
+                echo()
+                echo_lines(_described_text(path, facts))
+        if runs:
+            echo()
+            echo_lines(_run_table(runs))
+    return tell(diagnostics)
+
+
+def _files_of(path: Path) -> list[Path]:
+    """Return the file itself, or the MCAP files of a bag folder."""
+    return [path] if path.is_file() else sorted(path.glob("*.mcap"))
+
+
+def _described(path: Path) -> Description | None:
+    """Return what a file is, None if it is no MCAP file that can be read."""
+    from hrclog.errors import LogReadError
+    from hrclog.log.describe import describe
+    from hrclog.log.unpack import load
+
+    try:
+        return describe(load(path).data)
+    except LogReadError:
+        return None
+
+
+def _diagnostics(read: Logs, described: dict[Path, Description]) -> list[Diagnostic]:
+    """Return what reading found, and damage where only the description looks; a file may be without our events."""
+    from hrclog.diagnostic import Diagnostic
+
+    paths = {str(path) for file in described for path in (file, file.parent)}
+    findings = [finding for finding in read.diagnostics if finding.code != "no_events" or finding.path not in paths]
+    damaged = {finding.path for finding in findings if finding.severity == "error"}
+    findings += [
+        Diagnostic(problem.code, problem.message, str(path), offset=problem.offset)
+        for path, facts in described.items()
+        for problem in facts.problems
+        if str(path) not in damaged
+    ]
+    return findings
 
 
 def _files(read: Logs) -> list[dict[str, Any]]:
@@ -76,15 +133,50 @@ def _file_table(files: list[dict[str, Any]]) -> str:
     return table(("file", "bytes", "events", "closed"), rows)
 
 
-def _run_table(runs: list[dict[str, Any]]) -> str:
-    from datetime import UTC, datetime
+def _described_text(path: Path, facts: Description) -> str:
+    """Return the main facts of a file as lines of text, and a table of its channels."""
+    chunks = ", ".join(
+        counted(count, f"chunk ({method or 'uncompressed'})", f"chunks ({method or 'uncompressed'})")
+        for method, count in facts.chunks.compression.items()
+    )
+    span = "no times"
+    if facts.start_ns is not None and facts.end_ns is not None:
+        span = f"{_instant(facts.start_ns)} to {_instant(facts.end_ns)}"
+    indexes = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in facts.indexes.items() if count)
+    lines = [
+        f"{path}: MCAP, profile {facts.profile or 'none'}, written by {facts.library or 'unknown'}",
+        f"  {counted(facts.n_messages, 'message')}, {span}; {chunks or 'no chunks'}",
+        f"  indexes: {indexes or 'none'}; summary: {_summary_text(facts)}",
+        *(f"  attachment {item.name}: {item.media_type}, {item.n_bytes} bytes" for item in facts.attachments),
+        *(f"  metadata {item.name}: {', '.join(item.values) or 'empty'}" for item in facts.metadata),
+        *(
+            f"  {counted(count, 'record')} of the unknown kind 0x{opcode:02x}"
+            for opcode, count in facts.other_records.items()
+        ),
+    ]
+    text = "\n".join(printable(line) for line in lines)
+    return f"{text}\n\n{_channel_table(facts)}" if facts.channels else text
 
+
+def _summary_text(facts: Description) -> str:
+    if not facts.summary.start:
+        return "none"
+    return "with statistics" if facts.statistics else "without statistics"
+
+
+def _channel_table(facts: Description) -> str:
+    rows = [
+        (channel.topic, channel.schema or "none", channel.message_encoding, str(channel.n_messages))
+        for channel in facts.channels
+    ]
+    return table(("topic", "type", "encoding", "messages"), rows, lambda i: i == 3)
+
+
+def _run_table(runs: list[dict[str, Any]]) -> str:
     rows = [
         (
             row["name"],
-            datetime.fromtimestamp(row["first_ns"] / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")
-            if _is_date(row["first_ns"])
-            else str(row["first_ns"]),
+            _instant(row["first_ns"]),
             ", ".join(row["agents"]),
             str(row["n_executions"]),
             str(row["n_failed"]),
@@ -98,5 +190,9 @@ def _run_table(runs: list[dict[str, Any]]) -> str:
     return table(header, rows, lambda i: 2 < i < 7)
 
 
-def _is_date(time_ns: int) -> bool:
-    return 0 <= time_ns < 4e18
+def _instant(time_ns: int) -> str:
+    from datetime import UTC, datetime
+
+    if not 0 <= time_ns < 4e18:
+        return str(time_ns)
+    return datetime.fromtimestamp(time_ns / 1e9, UTC).strftime("%Y-%m-%d %H:%M:%S")

@@ -22,6 +22,7 @@ from hrclog.log.lanes import Lanes
 RUN_METADATA: Final = "hrclog.run"
 
 _CHUNK_SIZE: Final = 1 << 16  # damage costs a chunk
+_TIMES: Final = 1 << 64  # how many the format has
 
 
 class FinishedWriter:
@@ -44,7 +45,7 @@ class FinishedWriter:
             spec = message.channel
             schema = self.schema(spec.type_name, channels.SCHEMA_ENCODING, spec.definition)
             channel = self.channel(spec, spec.topic, channels.CDR, schema, dict(spec.metadata))
-        self.add_raw(channel, message.log_time, message.publish_time, message.sequence, message.data)
+        self._writer.add_message(channel, message.log_time, message.data, message.publish_time, message.sequence)
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
         """Return the id of a schema, registering it at its first use."""
@@ -60,8 +61,8 @@ class FinishedWriter:
         return self._channels[key]
 
     def add_raw(self, channel: int, log_time: int, publish_time: int, sequence: int, data: bytes) -> None:
-        """Add an encoded message of a registered channel."""
-        self._writer.add_message(channel, log_time, data, publish_time, sequence)
+        """Add an encoded message of a registered channel; times beyond int64 are read as negative numbers."""
+        self._writer.add_message(channel, log_time % _TIMES, data, publish_time % _TIMES, sequence)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record."""

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 from folders import names_in
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from hrclog.errors import LogExistsError, LogReadError
 from hrclog.events import Heartbeat, RunStarted, TaskStarted
@@ -168,3 +170,22 @@ def test_names_of_journals_lead_to_those_of_their_logs() -> None:
     assert finished_path(Path("a/run.2.mcap.partial")) == Path("a/run.2.mcap")
     assert finished_path(Path("a/run.mcap")) == Path("a/run.recovered.mcap")
     assert finished_path(Path("a/run.mcap.partial.damaged")) == Path("a/run.mcap.partial.recovered.mcap")
+
+
+@given(st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1))
+@example(2**63, 2**64 - 1)
+@settings(max_examples=20)
+def test_any_times_that_the_format_has_survive_a_recovery(tmp_path: Path, log_time: int, publish_time: int) -> None:
+    source, target = tmp_path / "cut.mcap", tmp_path / "whole.mcap"
+    target.unlink(missing_ok=True)
+    with source.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("ros2", "another recorder")
+        channel = writer.register_channel("/other", "cdr", 0)
+        writer.add_message(channel, log_time, b"data", publish_time)
+        writer.finish()
+    source.write_bytes(source.read_bytes()[:-8])
+    recover(source, target)
+    with target.open("rb") as stream:
+        times = [(message.log_time, message.publish_time) for _, _, message in make_reader(stream).iter_messages()]
+    assert times == [(log_time, publish_time)]
