@@ -159,6 +159,8 @@ def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     contents = _read_mcap(path, signals=signals)
     for problem in contents.problems:
         complain(problem.code, problem.message, problem.offset)
+    if contents.unprotected:
+        complain("unprotected", "no checksum covers the messages of this file: damage to them cannot be seen", None)
     codes = {problem.code for problem in contents.problems}
     if contents.finished or "no_header" in codes:
         pass

@@ -39,11 +39,21 @@ Span = tuple[bytes, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A range of bytes that could not be read."""
+    """What could not be read, or is missing.
+
+    Attributes:
+        code: of the diagnostic.
+        offset: where, bytes from the start of the file.
+        message: what.
+        n_bytes: how many bytes were not read, 0 if it is not known.
+        n_messages: how many messages are missing, 0 if it is not known.
+    """
 
     code: str
     offset: int
     message: str
+    n_bytes: int = 0
+    n_messages: int = 0
 
 
 class Walk:
@@ -153,6 +163,8 @@ def expand(data: bytes, record: Record) -> Span:
     span = _decompress(data, bytes(data[start + 32 : name_end]), name_end + 8, body_end, size)
     if span[2] - span[1] != size:
         raise ValueError("a chunk is not as long as it says")
+    if not crc and body_end < end:
+        raise ValueError("a chunk's sizes do not fill its record, and it has no checksum")
     if crc and zlib.crc32(memoryview(span[0])[span[1] : span[2]]) != crc:
         raise ValueError("a chunk fails its checksum")
     return span
