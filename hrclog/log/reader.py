@@ -41,6 +41,7 @@ from hrclog.wording import counted
 ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
 
+_MOST_RUNS: Final = 5  # named in a message
 _SQLITE: Final = b"SQLite format 3\x00"
 
 
@@ -144,15 +145,29 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         decoded = _decode_mcap(path, complain, signals=signals)
     events = pl.concat(decoded.events) if decoded.events else pl.DataFrame(schema=EVENT_COLUMNS)
     events = events.with_columns(pl.lit(str(path)).alias("path"))
+    named_runs = events["run_id"].unique().to_list()
     events = _name_runs(events, path, complain)
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         complain("no_events", "the log carries no task events on /hrc/events")
     samples = pl.concat(decoded.signals) if decoded.signals else pl.DataFrame(schema=SIGNAL_COLUMNS)
     only_run = str(events["run_id"][0]) if events["run_id"].n_unique() == 1 else None
     if only_run is not None:
-        samples = samples.with_columns(pl.lit(only_run).alias("run_id"))
+        is_nameless = pl.lit("" in named_runs) | (pl.col("run_id") == "")
+        samples = samples.with_columns(pl.when(is_nameless).then(pl.lit(only_run)).otherwise("run_id").alias("run_id"))
+    if named_runs and "" not in named_runs:
+        _report_foreign_samples(samples, named_runs, complain)
     scene = recorded_scene(decoded.scene, only_run, lambda text: complain("invalid_scene", text))
     return Logs(events, samples, diagnostics, [path], scene)
+
+
+def _report_foreign_samples(samples: pl.DataFrame, run_ids: list[str], complain: Complain) -> None:
+    """Report samples that name a run of which the file has no event; they stay that run's."""
+    strange = samples.filter(~pl.col("run_id").is_in(["", *run_ids])).group_by("run_id", maintain_order=True)
+    for run_id, n_samples, first in strange.agg(pl.len(), pl.col("name").first()).iter_rows():
+        whose = f"of run {run_id!r}, the first of {first!r}"
+        expected = f"expected run {run_ids[0]!r}" if len(run_ids) == 1 else f"expected one of {len(run_ids)} runs"
+        text = f"{counted(n_samples, 'sample is', 'samples are')} {whose}, of which the file has no event; {expected}"
+        complain("foreign_records", text, None)
 
 
 def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
@@ -168,7 +183,19 @@ def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
         complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
     elif "truncated" not in codes:
         complain("truncated", "the file has no footer: its end is missing, and whatever was there", None)
-    return decode_contents(contents, complain, signals=signals)
+    decoded = decode_contents(contents, complain, signals=signals)
+    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
+        _report_several_runs(decoded.events, complain)
+    return decoded
+
+
+def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:
+    """Report that a journal holds more than the one run that a recorder writes into it."""
+    runs = pl.concat([EVENT_COLUMNS.to_frame(), *events]).group_by("run_id", maintain_order=True).len().rows()
+    if len(runs) > 1:
+        parts = ", ".join(f"{n_events:,} of {run_id!r}" for run_id, n_events in runs[:_MOST_RUNS])
+        text = f"the journal holds events of {len(runs)} runs ({parts}), expected one: parts of another file are in it"
+        complain("foreign_records", text, None)
 
 
 def _read_mcap(path: Path, *, signals: bool) -> Contents:

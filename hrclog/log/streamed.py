@@ -102,6 +102,8 @@ class _StreamedReader:
                 return
             case Opcode.MESSAGE_INDEX:
                 self._compare(record)
+            case Opcode.DATA_END:
+                self._last = None
             case Opcode.FOOTER:
                 self._contents.finished = True
             case _:

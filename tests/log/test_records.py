@@ -57,6 +57,7 @@ def test_a_message_index_may_be_padded() -> None:
     index = ChunkIndex(0, 0, "", 0, 0, 0, {7: 0}, 0, 0)
     channels, starts, times = _entries(data, index)
     assert (channels.tolist(), starts.tolist()) == ([7, 7], [0, 31])
+    assert times.tolist() == [6, 5]
     assert starts.dtype == np.int64
 
 
