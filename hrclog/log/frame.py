@@ -19,6 +19,8 @@ HEAD: Final = np.dtype(
 )
 """The first bytes of a chunk."""
 
+_INDEX_HEAD: Final = struct.Struct("<QQQQI")  # times, place, length, size of the offsets
+
 ChunkKey = tuple[int, int, int, int, bytes, int]
 """What tells chunks apart: times of first and last message, lengths unpacked and packed, compression, record."""
 
@@ -98,8 +100,32 @@ def listing(data: bytes, frame: Frame) -> Listing:
     for offset, record in frame.others.items():
         if record[0] in _SAID:
             name, record_class = _SAID[record[0]]
-            getattr(said, name).append((offset, parse(record_class, data, record)))
+            if record_class is ChunkIndex:
+                said.chunk_indexes.append((offset, chunk_index(data, record)))
+            else:
+                getattr(said, name).append((offset, parse(record_class, data, record)))
     return said
+
+
+def chunk_index(data: bytes, record: Record) -> ChunkIndex:
+    """Parse the index of a chunk: a file may have very many.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    try:
+        first, last, at, length, size = _INDEX_HEAD.unpack_from(data, record[2])
+        begin = record[2] + _INDEX_HEAD.size
+        offsets = dict(struct.iter_unpack("<HQ", data[begin : begin + size]))
+        index_length, name_size = struct.unpack_from("<QI", data, begin + size)
+        name_end = begin + size + 12 + name_size
+        packed, unpacked = struct.unpack_from("<QQ", data, name_end)
+        name = data[name_end - name_size : name_end].decode()
+    except (struct.error, UnicodeDecodeError) as error:
+        raise ValueError("a ChunkIndex record is damaged") from error
+    if name_end + 16 > record[3]:
+        raise ValueError("a ChunkIndex record is damaged")
+    return ChunkIndex(length, at, name, packed, last, index_length, offsets, first, unpacked)
 
 
 def check_said(data: bytes, record: Record) -> None:
@@ -108,7 +134,9 @@ def check_said(data: bytes, record: Record) -> None:
     Raises:
         ValueError: it is damaged.
     """
-    if record[0] in _SAID:
+    if record[0] == Opcode.CHUNK_INDEX:
+        chunk_index(data, record)
+    elif record[0] in _SAID:
         parse(_SAID[record[0]][1], data, record)
 
 

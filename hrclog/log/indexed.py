@@ -54,12 +54,17 @@ def read_indexed(data: bytes, wanted: Wanted | None = None) -> Contents:
     Raises:
         ValueError: there is no index, or something does not fit.
     """
-    summary = read_summary(data)
-    contents, statistics = summary.contents, summary.statistics
-    if statistics is None or not _declares_all(contents, statistics):
-        raise ValueError("the summary has no statistics, or does not repeat all declarations")
+    _summary_at(data)
     frame = survey(data)
     said = listing(data, frame)
+    contents = Contents(finished=True)
+    for record in frame.others.values():
+        contents.keep(data, record)
+    if contents.header is None or len(said.statistics) != 1:
+        raise ValueError("the file has no header or no statistics")
+    statistics = said.statistics[0][1]
+    if not _declares_all(contents, statistics):
+        raise ValueError("the summary does not repeat all declarations")
     match = match_chunks(data, frame, said)
     _trust(frame_problems(data, frame, said, match))
     ids = {
@@ -67,7 +72,7 @@ def read_indexed(data: bytes, wanted: Wanted | None = None) -> Contents:
         for channel in contents.channels.values()
         if wanted is None or wanted(channel, contents.schemas.get(channel.schema_id))
     }
-    for index in sorted(summary.chunks, key=lambda index: index.chunk_start_offset):
+    for index in sorted((index for _, index in said.chunk_indexes), key=lambda index: index.chunk_start_offset):
         if not ids.isdisjoint(index.message_index_offsets):
             contents.batches.append(_batch(data, index, contents))
     if len(contents.batches) == len(frame.chunks):
@@ -107,12 +112,7 @@ def read_summary(data: bytes) -> Summary:
 
 
 def _summary_records(data: bytes) -> list[Record]:
-    footer_at = len(data) - _FOOTER_SIZE
-    if footer_at < len(MAGIC) or not (data.startswith(MAGIC) and data.endswith(MAGIC)):
-        raise ValueError("the file has no footer")
-    footer: Footer = parse(Footer, data, _expect(data, footer_at, Opcode.FOOTER))
-    if not len(MAGIC) <= footer.summary_start <= footer_at:
-        raise ValueError("the file has no summary")
+    footer, footer_at = _summary_at(data), len(data) - _FOOTER_SIZE
     if footer.summary_crc and zlib.crc32(data[footer.summary_start : len(data) - len(MAGIC) - 4]) != footer.summary_crc:
         raise ValueError("the summary fails its checksum")
     problems: list[Problem] = []
@@ -120,6 +120,21 @@ def _summary_records(data: bytes) -> list[Record]:
     if problems:
         raise ValueError("the summary is damaged")
     return records
+
+
+def _summary_at(data: bytes) -> Footer:
+    """Return the footer.
+
+    Raises:
+        ValueError: it leads to no summary.
+    """
+    footer_at = len(data) - _FOOTER_SIZE
+    if footer_at < len(MAGIC) or not (data.startswith(MAGIC) and data.endswith(MAGIC)):
+        raise ValueError("the file has no footer")
+    footer: Footer = parse(Footer, data, _expect(data, footer_at, Opcode.FOOTER))
+    if not len(MAGIC) <= footer.summary_start <= footer_at:
+        raise ValueError("the file has no summary")
+    return footer
 
 
 def _expect(data: bytes, position: int, opcode: Opcode) -> Record:

@@ -145,29 +145,41 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         decoded = _decode_mcap(path, complain, signals=signals)
     events = pl.concat(decoded.events) if decoded.events else pl.DataFrame(schema=EVENT_COLUMNS)
     events = events.with_columns(pl.lit(str(path)).alias("path"))
-    named_runs = events["run_id"].unique().to_list()
     events = _name_runs(events, path, complain)
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         complain("no_events", "the log carries no task events on /hrc/events")
-    samples = pl.concat(decoded.signals) if decoded.signals else pl.DataFrame(schema=SIGNAL_COLUMNS)
-    only_run = str(events["run_id"][0]) if events["run_id"].n_unique() == 1 else None
-    if only_run is not None:
-        is_nameless = pl.lit("" in named_runs) | (pl.col("run_id") == "")
-        samples = samples.with_columns(pl.when(is_nameless).then(pl.lit(only_run)).otherwise("run_id").alias("run_id"))
-    if named_runs and "" not in named_runs:
-        _report_foreign_samples(samples, named_runs, complain)
+    run_ids = events["run_id"].unique().to_list()
+    only_run = str(run_ids[0]) if len(run_ids) == 1 else None
+    is_nameless = any(diagnostic.code == "no_run_id" for diagnostic in diagnostics)
+    if run_ids and not is_nameless:
+        _report_foreign_samples(decoded.signals, run_ids, complain)
+    samples = _samples(decoded.signals, only_run, is_nameless=is_nameless)
     scene = recorded_scene(decoded.scene, only_run, lambda text: complain("invalid_scene", text))
     return Logs(events, samples, diagnostics, [path], scene)
 
 
-def _report_foreign_samples(samples: pl.DataFrame, run_ids: list[str], complain: Complain) -> None:
+def _samples(frames: list[pl.DataFrame], only_run: str | None, *, is_nameless: bool) -> pl.DataFrame:
+    """Return the samples of a file; those that name no run belong to its only one."""
+    samples = pl.concat(frames) if frames else pl.DataFrame(schema=SIGNAL_COLUMNS)
+    if only_run is None or _runs_of(frames) <= {only_run}:
+        return samples
+    named = pl.lit(value=not is_nameless) & (pl.col("run_id") != "")
+    return samples.with_columns(pl.when(named).then("run_id").otherwise(pl.lit(only_run)).alias("run_id"))
+
+
+def _runs_of(frames: list[pl.DataFrame]) -> set[str]:
+    """Return the runs that frames name; all samples of a frame are of one channel, which names one."""
+    return {str(frame["run_id"][0]) for frame in frames if frame.height}
+
+
+def _report_foreign_samples(frames: list[pl.DataFrame], run_ids: list[str], complain: Complain) -> None:
     """Report samples that name a run of which the file has no event; they stay that run's."""
-    strange = samples.filter(~pl.col("run_id").is_in(["", *run_ids])).group_by("run_id", maintain_order=True)
-    for run_id, n_samples, first in strange.agg(pl.len(), pl.col("name").first()).iter_rows():
-        whose = f"of run {run_id!r}, the first of {first!r}"
+    for run_id in sorted(_runs_of(frames) - {"", *run_ids}):
+        samples = pl.concat(frame for frame in frames if frame.height and frame["run_id"][0] == run_id)
+        whose = f"of run {run_id!r}, the first of {samples['name'][0]!r}"
         expected = f"expected run {run_ids[0]!r}" if len(run_ids) == 1 else f"expected one of {len(run_ids)} runs"
-        text = f"{counted(n_samples, 'sample is', 'samples are')} {whose}, of which the file has no event; {expected}"
-        complain("foreign_records", text, None)
+        text = counted(samples.height, "sample is", "samples are")
+        complain("foreign_records", f"{text} {whose}, of which the file has no event; {expected}", None)
 
 
 def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
@@ -191,8 +203,9 @@ def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
 
 def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:
     """Report that a journal holds more than the one run that a recorder writes into it."""
-    runs = pl.concat([EVENT_COLUMNS.to_frame(), *events]).group_by("run_id", maintain_order=True).len().rows()
-    if len(runs) > 1:
+    run_ids = pl.concat([EVENT_COLUMNS.to_frame().select("run_id"), *(frame.select("run_id") for frame in events)])
+    if run_ids["run_id"].n_unique() > 1:
+        runs = run_ids.group_by("run_id", maintain_order=True).len().rows()
         parts = ", ".join(f"{n_events:,} of {run_id!r}" for run_id, n_events in runs[:_MOST_RUNS])
         text = f"the journal holds events of {len(runs)} runs ({parts}), expected one: parts of another file are in it"
         complain("foreign_records", text, None)
