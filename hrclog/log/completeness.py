@@ -8,11 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, DataEnd, Footer, Statistics
 
-from hrclog.log.frame import ChunkKey, Frame, Listing, chunk_key, heads, index_key, with_checksum
+from hrclog.log.frame import ChunkKey, Frame, Listing, chunk_key, has_checked_chunk, index_key, unchecked_chunks
 from hrclog.log.records import PREFIX, Problem, Record, expand
 from hrclog.wording import agree, counted
 
@@ -207,11 +206,9 @@ def _unlisted(match: Match) -> Iterator[Problem]:
 
 
 def _without_checksum(data: bytes, frame: Frame) -> Iterator[Problem]:
-    checked = with_checksum(data, frame)
-    if checked.all() or not (heads(data, frame.chunks)["crc"] != 0).any():
+    if not has_checked_chunk(data, frame):
         return
-    offsets = [frame.chunks[row] for row in np.flatnonzero(~checked).tolist()]
-    offsets = [offset for offset in offsets if _checksum(data, offset)]
+    offsets = [offset for offset in unchecked_chunks(data, frame) if _checksum(data, offset)]
     if offsets:
         text = counted(len(offsets), "chunk has", "chunks have")
         text = f"{text} no checksum, though others have one; what it held was kept, unchecked"

@@ -11,7 +11,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex, Statistics, SummaryOffset
 
-from hrclog.arrays import BoolArray, IntArray
+from hrclog.arrays import IntArray
 from hrclog.log.records import MAGIC, PREFIX, Record, parse, record_at
 
 HEAD: Final = np.dtype(
@@ -19,6 +19,8 @@ HEAD: Final = np.dtype(
 )
 """The first bytes of a chunk."""
 
+_CRC_AT: Final = PREFIX.size + 24  # bytes of a chunk before its checksum, the last 8 being its size
+_NO_CRC: Final = bytes(4)
 _INDEX_HEAD: Final = struct.Struct("<QQQQI")  # times, place, length, size of the offsets
 
 ChunkKey = tuple[int, int, int, int, bytes, int]
@@ -32,6 +34,11 @@ _SAID: Final[dict[int, tuple[str, Any]]] = {
     Opcode.STATISTICS: ("statistics", Statistics),
     Opcode.DATA_END: ("data_ends", DataEnd),
     Opcode.FOOTER: ("footers", Footer),
+}
+_FIXED: Final = {
+    SummaryOffset: struct.Struct("<BQQ"),
+    DataEnd: struct.Struct("<I"),
+    Footer: struct.Struct("<QQI"),
 }
 
 
@@ -100,11 +107,19 @@ def listing(data: bytes, frame: Frame) -> Listing:
     for offset, record in frame.others.items():
         if record[0] in _SAID:
             name, record_class = _SAID[record[0]]
-            if record_class is ChunkIndex:
-                said.chunk_indexes.append((offset, chunk_index(data, record)))
-            else:
-                getattr(said, name).append((offset, parse(record_class, data, record)))
+            getattr(said, name).append((offset, _parse(record_class, data, record)))
     return said
+
+
+def _parse(record_class: Any, data: bytes, record: Record) -> Any:  # noqa: ANN401 - mcap's record classes share no type
+    if record_class is ChunkIndex:
+        return chunk_index(data, record)
+    fixed = _FIXED.get(record_class)
+    if fixed is None:
+        return parse(record_class, data, record)
+    if record[3] - record[2] < fixed.size:
+        raise ValueError(f"a {record_class.__name__} record is damaged")
+    return record_class(*fixed.unpack_from(data, record[2]))
 
 
 def chunk_index(data: bytes, record: Record) -> ChunkIndex:
@@ -134,10 +149,8 @@ def check_said(data: bytes, record: Record) -> None:
     Raises:
         ValueError: it is damaged.
     """
-    if record[0] == Opcode.CHUNK_INDEX:
-        chunk_index(data, record)
-    elif record[0] in _SAID:
-        parse(_SAID[record[0]][1], data, record)
+    if record[0] in _SAID:
+        _parse(_SAID[record[0]][1], data, record)
 
 
 def message_index(data: bytes, record: Record) -> list[tuple[int, int]]:
@@ -161,17 +174,26 @@ def heads(data: bytes, offsets: array[int] | IntArray) -> np.ndarray[tuple[int],
     return np.ascontiguousarray(windows[np.asarray(offsets, np.int64)]).view(HEAD).reshape(-1)
 
 
-def with_checksum(data: bytes, frame: Frame) -> BoolArray:
-    """Return which of the readable chunks have a checksum, shape (n,); an empty one needs none."""
-    of_chunks = heads(data, frame.chunks)
-    return np.asarray((of_chunks["crc"] != 0) | (of_chunks["size"] == 0))
-
-
 def has_checksum(data: bytes, frame: Frame) -> bool:
     """Return whether any checksum covers messages: that of a chunk, or of the data section."""
-    return bool((heads(data, frame.chunks)["crc"] != 0).any()) or any(
+    return has_checked_chunk(data, frame) or any(
         any(data[record[2] : record[2] + 4]) for record in frame.of(Opcode.DATA_END)
     )
+
+
+def has_checked_chunk(data: bytes, frame: Frame) -> bool:
+    """Return whether any readable chunk has a checksum."""
+    return any(data[offset + _CRC_AT : offset + _CRC_AT + 4] != _NO_CRC for offset in frame.chunks)
+
+
+def unchecked_chunks(data: bytes, frame: Frame) -> list[int]:
+    """Return first bytes of the readable chunks that hold something and have no checksum."""
+    return [
+        offset
+        for offset in frame.chunks
+        if data[offset + _CRC_AT : offset + _CRC_AT + 4] == _NO_CRC
+        and any(data[offset + _CRC_AT - 8 : offset + _CRC_AT])
+    ]
 
 
 def chunk_key(data: bytes, offset: int) -> ChunkKey:

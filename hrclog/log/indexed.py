@@ -20,6 +20,8 @@ from hrclog.log.streamed import read_streamed
 _MESSAGE_DTYPE: Final = np.dtype(
     [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8")]
 )
+_MESSAGE_HEAD: Final = np.uint64(_MESSAGE_DTYPE.itemsize - PREFIX.size)
+_ZERO: Final = np.zeros(1, np.int64)
 _MAX_OFFSET: Final = 1 << 40
 _FOOTER_SIZE: Final = PREFIX.size + 20 + len(MAGIC)
 
@@ -160,16 +162,19 @@ def _batch(data: bytes, index: ChunkIndex, contents: Contents) -> Batch:
     else:
         windows = np.lib.stride_tricks.sliding_window_view(raw, _MESSAGE_DTYPE.itemsize)
         heads = np.ascontiguousarray(windows[starts]).view(_MESSAGE_DTYPE).reshape(-1)
-    if (heads["length"] > len(raw)).any():
-        raise ValueError("a message index leads to a message that does not end in its chunk")
-    bodies = starts + _MESSAGE_DTYPE.itemsize
-    ends = starts + PREFIX.size + heads["length"].astype(np.int64)
-    before, behind = np.append(0, ends), np.append(starts, len(raw))
+    lengths = heads["length"] - _MESSAGE_HEAD  # of 64 bits without sign: what is too short becomes very long
     is_message = (heads["opcode"] == Opcode.MESSAGE) & (heads["channel"] == channels) & (heads["log"] == times)
-    if not (is_message & (bodies <= ends)).all() or (before > behind).any():
+    if not is_message.all() or (len(lengths) and lengths.max() > len(raw)):
         raise ValueError("a message index does not lead to the messages of its channel")
-    for gap in np.flatnonzero(before < behind).tolist():
-        _check_declarations(buffer, begin + int(before[gap]), begin + int(behind[gap]), contents)
+    bodies = starts + _MESSAGE_DTYPE.itemsize
+    ends = bodies + lengths.astype(np.int64)
+    before = np.concatenate([_ZERO, ends])
+    gaps = np.concatenate([starts, [len(raw)]]) - before
+    if gaps.min() < 0:
+        raise ValueError("a message index leads into a message, or to one that does not end in its chunk")
+    for row in np.flatnonzero(gaps).tolist():
+        at = begin + int(before[row])
+        _check_declarations(buffer, at, at + int(gaps[row]), contents)
     sequence, log_time, publish_time = (heads[name].astype(np.int64) for name in ("sequence", "log", "publish"))
     return Batch(buffer, channels, sequence, log_time, publish_time, bodies + begin, ends + begin)
 
@@ -200,8 +205,10 @@ def _entries(data: bytes, index: ChunkIndex) -> tuple[IntArray, IntArray, UintAr
         pairs.append(np.frombuffer(data, "<u8", size // 8, record[2] + 6).reshape(-1, 2))
         channels.append(np.full(len(pairs[-1]), channel))
     times, starts = np.concatenate(pairs).T
-    if (starts > _MAX_OFFSET).any():
+    if len(starts) and starts.max() > _MAX_OFFSET:
         raise ValueError("a message index leads out of its chunk")
+    if len(channels) == 2 and (starts[1:] > starts[:-1]).all():  # of one channel, in order
+        return channels[1], starts.astype(np.int64), times
     order = np.argsort(starts, kind="stable")
     return np.concatenate(channels)[order], starts[order].astype(np.int64), times[order]
 
