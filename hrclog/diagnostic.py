@@ -14,6 +14,11 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "no_header": ("error", "the file ends before its header, so it holds 0 events"),
     "truncated": ("error", "the file ends inside a record, whose bytes were ignored"),
     "corrupt_data": ("error", "bytes that are no valid record, or fail their checksum, were skipped"),
+    "broken_chain": (
+        "error",
+        "messages of a journal are missing, doubled, moved or not its own: its count does not go on",
+    ),
+    "recovered_with_losses": ("error", "the file was recovered from a damaged one; what that one lost is missing here"),
     "undecodable_event": ("error", "a message on an event channel could not be decoded and was skipped"),
     "events_missing": ("error", "the sequence numbers of a run have gaps: events were lost"),
     "unknown_event": ("error", "an event of a kind this version does not know was kept but not interpreted"),

@@ -32,6 +32,7 @@ from hrclog.log.discover import find_logs, unread_logs
 from hrclog.log.files import exists
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
+from hrclog.log.losses import annotated_losses, recorded_losses
 from hrclog.log.message import EVENTS
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
@@ -159,6 +160,8 @@ def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     contents = _read_mcap(path, signals=signals)
     for problem in contents.problems:
         complain(problem.code, problem.message, problem.offset)
+    for text in recorded_losses(contents.metadata):
+        complain("recovered_with_losses", text, None)
     codes = {problem.code for problem in contents.problems}
     if contents.finished or "no_header" in codes:
         pass
@@ -216,7 +219,7 @@ def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
     ]
     events, copies = without_copies(pl.concat([part.events for part in parts]))
     events = events.select(EVENTS.names()).sort(ORDER, maintain_order=True)
-    diagnostics += [*copies, *check_events(events)]
+    diagnostics += [*annotated_losses(events, diagnostics), *copies, *check_events(events)]
     events = usable(events)
     samples = merged_samples([part.signals for part in parts])
     paths = [path for part in parts for path in part.paths]
