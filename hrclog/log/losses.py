@@ -22,6 +22,8 @@ from hrclog.wording import counted
 RECOVERED: Final = "hrclog.recovered"
 """Name of the metadata record, and of the member in the details of an annotation, that hold what was lost."""
 
+NO_FOOTER: Final = "the file has no footer: its end is missing, and whatever was there"
+
 _MAX_LISTED: Final = 100
 _MAX_SHOWN: Final = 3
 _LAST_SEQ: Final = 2**62

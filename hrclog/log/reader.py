@@ -32,7 +32,7 @@ from hrclog.log.discover import find_logs, unread_logs
 from hrclog.log.files import exists
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
-from hrclog.log.losses import annotated_losses, recorded_losses
+from hrclog.log.losses import NO_FOOTER, annotated_losses, recorded_losses
 from hrclog.log.message import EVENTS
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
@@ -168,7 +168,7 @@ def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     elif path.name.endswith(PARTIAL_SUFFIX):
         complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
     elif "truncated" not in codes:
-        complain("truncated", "the file has no footer: its end is missing, and whatever was there", None)
+        complain("truncated", NO_FOOTER, None)
     return decode_contents(contents, complain, signals=signals)
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 from mcap.records import Channel, Schema
 
@@ -22,7 +23,7 @@ from hrclog.log.decode import EVENT_COLUMNS, decode_contents
 from hrclog.log.encode import event_message
 from hrclog.log.files import exists, lock
 from hrclog.log.journal import PARTIAL_SUFFIX
-from hrclog.log.losses import RECOVERED, Loss, loss_of, recorded_losses, remarks_on
+from hrclog.log.losses import NO_FOOTER, RECOVERED, Loss, loss_of, recorded_losses, remarks_on
 from hrclog.log.records import MAGIC, PREFIX, Problem
 from hrclog.log.streamed import read_streamed
 from hrclog.log.writer import FinishedWriter, write_atomically
@@ -75,16 +76,17 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
         is_journal = source.name.endswith(PARTIAL_SUFFIX)
         n_messages = sum(len(batch.start) for batch in contents.batches)
         earlier = recorded_losses(contents.metadata)
-        if not is_journal and not contents.problems and contents.finished:
+        problems = _losses(contents, data, is_journal=is_journal)
+        if not is_journal and not problems:
             return Recovered(source, source, n_messages, [], earlier)
         if not is_journal and not n_messages:
             description = f"a damaged log of {counted(len(data), 'byte')} without a readable message"
             raise LogReadError(source, description, "at least one message", "nothing can be recovered from it")
-        loss = loss_of(source, data, contents.problems) if contents.problems else None
+        loss = loss_of(source, data, problems) if problems else None
         if not exists(target) or _forgets(target, source, contents, loss):
             write_atomically(target, lambda writer: _copy(contents, writer, loss))
-        _remove_journal(source, damaged=bool(contents.problems))
-    return Recovered(source, target, n_messages, contents.problems, earlier)
+        _remove_journal(source, damaged=bool(problems))
+    return Recovered(source, target, n_messages, problems, earlier)
 
 
 def drop_begun(journal: Path) -> bool:
@@ -117,6 +119,23 @@ def _is_begun(data: bytes) -> bool:
         return True
     opcode, length = PREFIX.unpack_from(data, torn_at)
     return opcode != 0 and torn_at + PREFIX.size + length > len(data)
+
+
+def _losses(contents: Contents, data: bytes, *, is_journal: bool) -> list[Problem]:
+    """Return what of a file cannot be in its recovery."""
+    problems = list(contents.problems)
+    codes = {problem.code for problem in problems}
+    if not is_journal and not contents.finished and not codes & {"truncated", "no_header"}:
+        problems.append(Problem("truncated", len(data), NO_FOOTER))
+    for batch in contents.batches:
+        unknown = ~np.isin(batch.channel, list(contents.channels))
+        if unknown.any():
+            n_unknown = int(unknown.sum())
+            text = counted(n_unknown, "message is", "messages are")
+            offset = int(batch.start[unknown][0]) if batch.data is data else 0
+            text = f"{text} on a channel that is not declared, and cannot be read"
+            problems.append(Problem("corrupt_data", offset, text, n_messages=n_unknown))
+    return problems
 
 
 @contextmanager

@@ -145,9 +145,9 @@ def test_a_record_that_is_doubled_is_told_and_counted_once(
     at = data.draw(st.integers(place, len(pieces)))
     found = is_told(folder, [*pieces[:at], pieces[place], *pieces[at:]], pieces)
     offset = sum(map(len, pieces[:at]))
-    chain = [(one.message, one.offset) for one in found if one.code == "broken_chain"]
     if at > place:
-        assert chain == [("1 message is there twice and was counted once", offset)]
+        text = "1 message is there twice and was counted once"
+        assert [one.offset for one in found if one.message.startswith(text)] == [offset]
     assert Facts.of(read(folder, [*pieces[:at], pieces[place], *pieces[at:]])) == Facts.of(read(folder, pieces))
 
 
