@@ -146,8 +146,7 @@ class Journal:
         schema = Schema(schema_id, spec.definition, channels.SCHEMA_ENCODING, spec.type_name)
         channel = Channel(channel_id, spec.topic, channels.CDR, dict(spec.metadata), schema_id)
         records = record_bytes(schema) + record_bytes(channel)
-        checksum = zlib.crc32(records)
-        declaration = _Declaration(channel_id, _chunk_head(len(records), checksum, 0) + records, checksum)
+        declaration = _Declaration(channel_id, _chunk(records, 0), zlib.crc32(records))
         self._channels[spec] = declaration
         chunks.append(declaration.chunk * 2)
         return declaration
@@ -197,3 +196,7 @@ def _create(path: Path) -> int:
 
 def _chunk_head(size: int, checksum: int, log_time: int) -> bytes:
     return _CHUNK_HEAD.pack(_CHUNK, _CHUNK_HEAD.size - 9 + size, log_time, log_time, size, checksum, 0, size)
+
+
+def _chunk(records: bytes, log_time: int) -> bytes:
+    return _chunk_head(len(records), zlib.crc32(records), log_time) + records

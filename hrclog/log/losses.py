@@ -26,6 +26,7 @@ NO_FOOTER: Final = "the file has no footer: its end is missing, and whatever was
 
 _MAX_LISTED: Final = 100
 _MAX_SHOWN: Final = 3
+_MAX_DIGITS: Final = 20
 _LAST_SEQ: Final = 2**62
 
 Loss = Mapping[str, str]
@@ -59,10 +60,21 @@ def loss_of(source: Path, data: bytes, problems: list[Problem]) -> Loss:
 
 def loss_text(loss: Loss) -> str:
     """Say what a recovery lost."""
-    source = f"{loss.get('source') or 'a damaged file'} ({loss.get('source_bytes', '?')} bytes)"
-    counts = f"{loss.get('lost_bytes', '?')} bytes and {loss.get('lost_messages', '?')} messages counted as lost"
+    n_bytes, n_messages = _number(loss, "lost_bytes"), _number(loss, "lost_messages")
+    lost = [
+        counted(n_bytes, "byte that could not be read", "bytes that could not be read") if n_bytes else "",
+        counted(n_messages, "message that is missing", "messages that are missing") if n_messages else "",
+    ]
+    source = f"{loss.get('source') or 'a damaged file'} of {counted(_number(loss, 'source_bytes'), 'byte')}"
+    text = f"recovered by {loss.get('version', 'hrclog')} from {source}"
+    text += f", with {' and '.join(filter(None, lost))}" if any(lost) else ""
     places = "; ".join(_places(loss))
-    return f"recovered by {loss.get('version', 'hrclog')} from {source}, {counts}{': ' if places else ''}{places}"
+    return f"{text}: {places}" if places else text
+
+
+def _number(loss: Loss, name: str) -> int:
+    text = loss.get(name, "")
+    return int(text) if text.isascii() and text.isdigit() and len(text) < _MAX_DIGITS else 0
 
 
 def recorded_losses(metadata: Iterable[Metadata]) -> list[str]:

@@ -118,7 +118,7 @@ def _is_begun(data: bytes) -> bool:
     if torn_at + PREFIX.size > len(data):
         return True
     opcode, length = PREFIX.unpack_from(data, torn_at)
-    return opcode != 0 and torn_at + PREFIX.size + length > len(data)
+    return bool(opcode != 0 and torn_at + PREFIX.size + length > len(data))
 
 
 def _losses(contents: Contents, data: bytes, *, is_journal: bool) -> list[Problem]:

@@ -71,7 +71,7 @@ def test_a_recovered_log_tells_in_its_metadata_what_was_lost(closed: Path) -> No
     assert (place["offset"], place["bytes"]) == (problem.offset, len(left) - problem.offset)
     (text,) = told(read_log(recovered.path).diagnostics)
     assert LIBRARY in text
-    assert f"run.mcap ({len(left)} bytes)" in text
+    assert f"run.mcap of {len(left):,} bytes" in text
     assert f"byte {problem.offset}: {problem.message}" in text
 
 
