@@ -79,6 +79,11 @@ class _Links:
         return _Links(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
+def is_chained(contents: Contents, data: bytes) -> bool:
+    """Return whether messages of a file have links."""
+    return any(_links(batch, data).linked.any() for batch in contents.batches)
+
+
 def check_chain(contents: Contents, data: bytes) -> list[Problem]:
     """Return what the chain of a journal says of messages that are missing, doubled, moved or not its own.
 

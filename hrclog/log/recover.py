@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import polars as pl
@@ -17,6 +18,7 @@ from mcap.records import Channel, Schema
 
 from hrclog.errors import LogExistsError, LogReadError, LogWriteError
 from hrclog.log import channels
+from hrclog.log.chain import is_chained
 from hrclog.log.channels import EVENTS_TOPIC
 from hrclog.log.contents import Batch, Contents
 from hrclog.log.decode import EVENT_COLUMNS, decode_contents
@@ -24,10 +26,13 @@ from hrclog.log.encode import event_message
 from hrclog.log.files import exists, lock
 from hrclog.log.journal import PARTIAL_SUFFIX
 from hrclog.log.losses import NO_FOOTER, RECOVERED, Loss, loss_of, recorded_losses, remarks_on
+from hrclog.log.reader import read_log
 from hrclog.log.records import MAGIC, PREFIX, Problem
 from hrclog.log.streamed import read_streamed
 from hrclog.log.writer import FinishedWriter, write_atomically
 from hrclog.wording import counted
+
+_TOLD_AGAIN: Final = frozenset({"no_events", "undecodable_event", "recovered_with_losses"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +82,8 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
         n_messages = sum(len(batch.start) for batch in contents.batches)
         earlier = recorded_losses(contents.metadata)
         problems = _losses(contents, data, is_journal=is_journal)
+        if is_journal and n_messages and not is_chained(contents, data):
+            problems += _told_by_reader(source, problems)
         if not is_journal and not problems:
             return Recovered(source, source, n_messages, [], earlier)
         if not is_journal and not n_messages:
@@ -136,6 +143,20 @@ def _losses(contents: Contents, data: bytes, *, is_journal: bool) -> list[Proble
             text = f"{text} on a channel that is not declared, and cannot be read"
             problems.append(Problem("corrupt_data", offset, text, n_messages=n_unknown))
     return problems
+
+
+def _told_by_reader(source: Path, problems: list[Problem]) -> list[Problem]:
+    """Return what reading a journal without a chain tells of losses, but for what it will tell of the recovery too."""
+    known = {problem.code for problem in problems} | _TOLD_AGAIN
+    try:
+        diagnostics = read_log(source, signals=True).diagnostics
+    except LogReadError:
+        return []
+    return [
+        Problem(finding.code, finding.offset or 0, finding.message)
+        for finding in diagnostics
+        if finding.severity == "error" and finding.code not in known
+    ]
 
 
 @contextmanager

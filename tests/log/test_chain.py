@@ -147,7 +147,9 @@ def test_a_record_that_is_doubled_is_told_and_counted_once(
     offset = sum(map(len, pieces[:at]))
     if at > place:
         text = "1 message is there twice and was counted once"
-        assert [one.offset for one in found if one.message.startswith(text)] == [offset]
+        (told_at,) = (one.offset for one in found if one.message.startswith(text))
+        assert told_at is not None
+        assert offset <= told_at < offset + len(pieces[place])
     assert Facts.of(read(folder, [*pieces[:at], pieces[place], *pieces[at:]])) == Facts.of(read(folder, pieces))
 
 
