@@ -18,6 +18,11 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "records_doubled": ("error", "records are in a file twice; their messages were counted once"),
     "foreign_records": ("error", "records are in a file that it does not list, or that belong to another file"),
     "damaged_index": ("error", "what a file says of its records does not fit them; the records themselves were read"),
+    "broken_chain": (
+        "error",
+        "messages of a journal are missing, doubled, moved or not its own: its count does not go on",
+    ),
+    "recovered_with_losses": ("error", "the file was recovered from a damaged one; what that one lost is missing here"),
     "undecodable_event": ("error", "a message on an event channel could not be decoded and was skipped"),
     "events_missing": ("error", "the sequence numbers of a run have gaps: events were lost"),
     "unknown_event": ("error", "an event of a kind this version does not know was kept but not interpreted"),

@@ -32,6 +32,7 @@ from hrclog.log.discover import find_logs, unread_logs
 from hrclog.log.files import exists
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
+from hrclog.log.losses import NO_FOOTER, annotated_losses, recorded_losses
 from hrclog.log.message import EVENTS
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.records import MAGIC
@@ -188,13 +189,15 @@ def _decode_mcap(path: Path, complain: Complain, *, signals: bool) -> Decoded:
         complain(problem.code, problem.message, problem.offset)
     if contents.unprotected:
         complain("unprotected", "no checksum covers the messages of this file: damage to them cannot be seen", None)
+    for text in recorded_losses(contents.metadata):
+        complain("recovered_with_losses", text, None)
     codes = {problem.code for problem in contents.problems}
     if contents.finished or "no_header" in codes:
         pass
     elif path.name.endswith(PARTIAL_SUFFIX):
         complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
     elif "truncated" not in codes:
-        complain("truncated", "the file has no footer: its end is missing, and whatever was there", None)
+        complain("truncated", NO_FOOTER, None)
     decoded = decode_contents(contents, complain, signals=signals)
     if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
         _report_several_runs(decoded.events, complain)
@@ -258,7 +261,7 @@ def _combine(parts: list[Logs], failures: list[LogReadError]) -> Logs:
     ]
     events, copies = without_copies(pl.concat([part.events for part in parts]))
     events = events.select(EVENTS.names()).sort(ORDER, maintain_order=True)
-    diagnostics += [*copies, *check_events(events)]
+    diagnostics += [*annotated_losses(events, diagnostics), *copies, *check_events(events)]
     events = usable(events)
     samples = merged_samples([part.signals for part in parts])
     paths = [path for part in parts for path in part.paths]

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from mcap.opcode import Opcode
 
+from hrclog.log.chain import FIRST_OF_APPLICATIONS, check_chain
 from hrclog.log.completeness import count_problems, data_problems, frame_problems, match_chunks
 from hrclog.log.contents import Batch, Contents, ForeignRecordError, channel_counts
 from hrclog.log.doubles import doubled_chunks, without_chunks, without_spans
@@ -23,7 +24,9 @@ _Row = tuple[int, int, int, int, int, int]
 
 def read_streamed(data: bytes) -> Contents:
     """Read a file from front to end; `problems` says what is damaged or missing."""
-    return _StreamedReader(data).read()
+    contents = _StreamedReader(data).read()
+    contents.problems += check_chain(contents, data)
+    return contents
 
 
 class _StreamedReader:
@@ -154,7 +157,7 @@ class _StreamedReader:
                 raise ValueError("a chunk holds bytes that are no record")
             if record[0] == Opcode.MESSAGE:
                 rows.append(_message(buffer, record))
-            else:
+            elif record[0] < FIRST_OF_APPLICATIONS:
                 self._keep(buffer, record, rows, end)
             position = record[3]
 
@@ -192,7 +195,7 @@ def _begin(data: bytes, problems: list[Problem]) -> int | None:
         problems.append(Problem("no_header", 0, "the file ends before its MCAP header: 0 events"))
         return None
     skipped = counted(chunk, "byte is no MCAP header and was", "bytes are no MCAP header and were")
-    problems.append(Problem("corrupt_data", 0, f"the first {skipped} skipped"))
+    problems.append(Problem("corrupt_data", 0, f"the first {skipped} skipped", chunk))
     return chunk
 
 
