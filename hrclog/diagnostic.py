@@ -15,6 +15,15 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "no_header": ("error", "the file ends before its header, so it holds 0 events"),
     "truncated": ("error", "the file ends inside a record, whose bytes were ignored"),
     "corrupt_data": ("error", "bytes that are no valid record, or fail their checksum, were skipped"),
+    "records_missing": ("error", "chunks or messages that the file lists or counts are not there"),
+    "records_doubled": ("error", "records are in a file twice; their messages were counted once"),
+    "foreign_records": ("error", "records are in a file that it does not list, or that belong to another file"),
+    "damaged_index": ("error", "what a file says of its records does not fit them; the records themselves were read"),
+    "broken_chain": (
+        "error",
+        "messages of a journal are missing, doubled, moved or not its own: its count does not go on",
+    ),
+    "recovered_with_losses": ("error", "the file was recovered from a damaged one; what that one lost is missing here"),
     "undecodable_event": ("error", "a message on an event channel could not be decoded and was skipped"),
     "events_missing": ("error", "the sequence numbers of a run have gaps: events were lost"),
     "unknown_event": ("error", "an event of a kind this version does not know was kept but not interpreted"),
@@ -69,6 +78,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),
+    "unprotected": ("info", "no message of the file is covered by a checksum: damage to it cannot be seen"),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),

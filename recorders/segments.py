@@ -10,14 +10,14 @@ from typing import Any
 
 import polars as pl
 
-from hrclog.errors import InvalidEventError, LogExistsError, LogReadError, LogWriteError
+from hrclog.errors import InvalidEventError, LogExistsError, LogReadError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import TaskFact
 from hrclog.ids import new_id
 from hrclog.log.files import exists
 from hrclog.log.journal import journal_path
 from hrclog.log.reader import read_logs
-from hrclog.log.recover import recover
+from hrclog.log.recover import drop_begun, recover
 from hrclog.state import PLANNED, ExecutionState, apply
 
 
@@ -51,10 +51,15 @@ def first_segment(path: Path) -> Segment:
 def next_segment(path: Path) -> Segment:
     """Return the segment that continues a run; a journal that a killed recorder left is closed first.
 
+    A run that was killed before its first event is begun anew.
+
     Raises:
         LogReadError: there is no run to continue, or a recorder still writes it.
     """
+    begun = exists(journal_path(path))
     number = next(n for n in count(1) if not _segment_exists(segment_path(path, n)))
+    if number == 1 and begun:
+        return first_segment(path)
     if number == 1:
         raise LogReadError(path, "nothing", "a run to continue", "record it without resume")
     events = read_logs([segment_path(path, n) for n in range(1, number)]).events
@@ -72,12 +77,7 @@ def segment_path(path: Path, number: int) -> Path:
 def _segment_exists(path: Path) -> bool:
     """Return whether a segment exists, after closing its journal."""
     journal = journal_path(path)
-    try:
-        if exists(journal) and not journal.stat().st_size:
-            journal.unlink()  # killed before the first byte: nothing was acknowledged
-    except OSError as error:
-        raise LogWriteError(journal, f"cannot be removed ({error.strerror})", "remove it: it is empty") from error
-    if exists(journal):
+    if exists(journal) and not drop_begun(journal):
         recover(journal, path)
     return exists(path)
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> int:
     """Close logs whose recorder was killed: every event that can be read, nothing invented.
 
-    NAME.mcap.partial becomes NAME.mcap. Of a damaged log a NAME.recovered.mcap is written beside it. Folders mean the
-    journals in them.
+    NAME.mcap.partial becomes NAME.mcap. Of a damaged log a NAME.recovered.mcap is written beside it, which keeps saying
+    what was lost. Folders mean the journals in them.
 
     \b
     Example:
@@ -40,6 +40,8 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
         for problem in result.problems:
             place = f"{result.source} (byte {problem.offset})"
             echo(f"error: {place}: {problem.message} [{problem.code}]", err=True)
+        for text in result.earlier:
+            echo(f"error: {result.source}: {text} [recovered_with_losses]", err=True)
     if as_json:
         print_json({"recovered": [_as_dict(result) for result in done], "failures": failures})
     else:
@@ -48,7 +50,8 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
             echo(f"{result.source} {done_text}: {counted(result.n_messages, 'message')}")
     if sources and not done:
         return EXIT_FAILED
-    return EXIT_DATA_LOST if failures or any(result.problems for result in done) else EXIT_FINE
+    lossy = any(result.problems or result.earlier for result in done)
+    return EXIT_DATA_LOST if failures or lossy else EXIT_FINE
 
 
 def _recover_all(sources: list[Path], output: Path | None) -> tuple[list[Recovered], list[str]]:
@@ -71,6 +74,8 @@ def _as_dict(result: Recovered) -> dict[str, Any]:
         "path": str(result.path),
         "n_messages": result.n_messages,
         "n_problems": len(result.problems),
+        "losses": [{"offset": problem.offset, "message": problem.message} for problem in result.problems],
+        "earlier_losses": result.earlier,
     }
 
 

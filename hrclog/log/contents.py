@@ -70,11 +70,19 @@ def batch_of(
     return Batch(b"".join(messages), channel, sequence, times, times, ends - sizes, ends)
 
 
+class ForeignRecordError(ValueError):
+    """A record of another file: it declares an id that this file declares otherwise."""
+
+
 @dataclass(slots=True)
 class Contents:
     """What a file holds.
 
-    `counts` has the messages of each channel, also of those that were not read, where the file says or tells them.
+    Attributes:
+        problems: what is damaged, missing, doubled or of another file.
+        finished: whether the file has a footer.
+        counts: messages of each channel, also of those that were not read, where the file says or tells them.
+        unprotected: whether there are messages, and no checksum covers any of them.
     """
 
     header: Header | None = None
@@ -85,6 +93,7 @@ class Contents:
     problems: list[Problem] = field(default_factory=list)
     finished: bool = False
     counts: Mapping[int, int] = field(default_factory=dict)
+    unprotected: bool = False
 
     def topics(self) -> Counter[tuple[str, str]]:
         """Return how many messages there are of each (topic, type)."""
@@ -95,24 +104,43 @@ class Contents:
             topics[channel.topic, schema.name if schema is not None else ""] += counts.get(channel.id, 0)
         return topics
 
+    @property
+    def is_ours(self) -> bool:
+        """Return whether hrclog wrote the file."""
+        return self.header is not None and self.header.library.startswith("hrclog")
+
     def keep(self, data: bytes, record: Record) -> None:
         """Take in a header, schema, channel or metadata record; the first one that declares an id counts.
 
         The first declaration lies in a chunk and is covered by its checksum, repetitions need not be.
 
         Raises:
+            ForeignRecordError: it differs from the declaration that counts.
             ValueError: the record is damaged.
         """
         match record[0]:
             case Opcode.HEADER:
-                self.header = parse(Header, data, record)
+                header = parse(Header, data, record)
+                self.header = self.header or header
             case Opcode.SCHEMA:
                 schema = parse(Schema, data, record)
-                self.schemas.setdefault(schema.id, schema)
+                known = self.schemas.setdefault(schema.id, schema)
+                if known != schema:
+                    text = f"schema {schema.id} is declared as {schema.name!r}, and before as {known.name!r}"
+                    raise ForeignRecordError(f"{text}: records of another file")
             case Opcode.CHANNEL:
                 channel = parse(Channel, data, record)
-                self.channels.setdefault(channel.id, channel)
+                declared = self.channels.setdefault(channel.id, channel)
+                if declared != channel:
+                    text = f"channel {channel.id} is declared as {channel.topic!r}, and before as {declared.topic!r}"
+                    raise ForeignRecordError(f"{text}, or with other metadata: records of another file")
             case Opcode.METADATA:
                 self.metadata.append(parse(Metadata, data, record))
             case _:
                 pass
+
+
+def channel_counts(contents: Contents) -> dict[int, int]:
+    """Return how many messages were read, by channel."""
+    counts = np.bincount(np.concatenate([np.empty(0, np.int64), *(batch.channel for batch in contents.batches)]))
+    return {int(channel): int(counts[channel]) for channel in np.flatnonzero(counts)}

@@ -1,7 +1,8 @@
 """The crash-safe journal that a run is recorded into: whatever `append` took survives the process.
 
-A journal `NAME.mcap.partial` is an MCAP file without an end. Each message is a chunk of its own with its checksum,
-handed to the operating system in a single write; `hrclog.log.recover` turns it into a finished log.
+A journal `NAME.mcap.partial` is an MCAP file without an end. Each message is a chunk of its own with its checksum and
+its link to the one before (`hrclog.log.chain`), handed to the operating system in a single write; `hrclog.log.recover`
+turns it into a finished log.
 """
 
 from __future__ import annotations
@@ -11,16 +12,17 @@ import struct
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, McapRecord, Metadata, Schema
+from mcap.records import Channel, Header, Metadata, Schema
 
 from hrclog._version import __version__
 from hrclog.errors import InvalidEventError, LogExistsError, LogWriteError
 from hrclog.log import channels
+from hrclog.log.chain import link, record_bytes
 from hrclog.log.channels import ChannelSpec
 from hrclog.log.encode import Message
 from hrclog.log.files import lock, sync_folder
@@ -29,11 +31,29 @@ from hrclog.log.records import MAGIC
 LIBRARY: Final = f"hrclog {__version__}"
 PARTIAL_SUFFIX: Final = ".partial"
 
+_MESSAGE, _CHUNK = int(Opcode.MESSAGE), int(Opcode.CHUNK)  # plain numbers are packed faster
 _MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQIIQ")
 _FLAGS: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | getattr(os, "O_BINARY", 0)
 _MAX_CHANNELS: Final = 0xFFFF
 _FIRST_REPEAT: Final = 1 << 14  # bytes
+
+
+@dataclass(frozen=True, slots=True)
+class _Declaration:
+    """A channel that the journal declares: its number, the chunk that says so, and that chunk's checksum."""
+
+    channel: int
+    chunk: bytes
+    checksum: int
+
+
+class _End(NamedTuple):
+    """Where a journal ends: its bytes and messages so far, and the checksum of the last message's chunk."""
+
+    size: int = 0
+    n_messages: int = 0
+    checksum: int = 0
 
 
 def journal_path(path: Path) -> Path:
@@ -44,28 +64,37 @@ def journal_path(path: Path) -> Path:
 class Journal:
     """An append-only file whose every message survives the process once `append` has returned.
 
-    `size` counts the bytes that it holds.
-
     Args:
         path: the journal, `NAME.mcap.partial`.
         fsync: also survive a crash of the operating system, at 1-4 ms per message.
 
     Raises:
         LogExistsError: the journal exists.
-        LogWriteError: it cannot be created.
+        LogWriteError: it cannot be created; nothing is left behind.
     """
 
     def __init__(self, path: Path, *, fsync: bool = False) -> None:
         self.path = path
         self._fsync = fsync
         self._schemas: dict[str, int] = {}
-        self._channels: dict[ChannelSpec, tuple[int, bytes]] = {}
+        self._channels: dict[ChannelSpec, _Declaration] = {}
         self._repeat_at = _FIRST_REPEAT
         self._fd = _create(path)
-        self.size = 0
-        self._write(MAGIC + _record(Header(channels.PROFILE, LIBRARY)))
-        if fsync:
-            sync_folder(path.parent)
+        self._end = _End()
+        try:
+            self._write(MAGIC + record_bytes(Header(channels.PROFILE, LIBRARY)))
+            if fsync:
+                sync_folder(path.parent)
+        except BaseException:
+            self.close()
+            with suppress(OSError):
+                path.unlink()
+            raise
+
+    @property
+    def size(self) -> int:
+        """Return how many bytes the journal holds."""
+        return self._end.size
 
     def append(self, *messages: Message) -> None:
         """Append messages in one write: all of them, or none.
@@ -75,9 +104,16 @@ class Journal:
             InvalidEventError: a message cannot be put into the format.
         """
         n_declared = len(self._channels)
-        repeated = self._repeated_declarations()
+        chunks = [self._repeated_declarations()]
+        number, checksum = self._end.n_messages, self._end.checksum
         try:
-            self._write(repeated + b"".join(self._chunks(message) for message in messages))
+            for message in messages:
+                declaration = self._channels.get(message.channel) or self._declare(message.channel, chunks)
+                tail = link(number, checksum, declaration.checksum)
+                records = b"".join((self._head(message, declaration.channel), message.data, tail))
+                number, checksum = number + 1, zlib.crc32(records)
+                chunks += _chunk_head(len(records), checksum, message.log_time), records
+            self._write(b"".join(chunks), n_messages=number, checksum=checksum)
         except BaseException:
             for spec in list(self._channels)[n_declared:]:  # their declarations were not written
                 del self._channels[spec]
@@ -85,7 +121,7 @@ class Journal:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append a metadata record."""
-        self._write(_record(Metadata(name=name, metadata=dict(values))))
+        self._write(record_bytes(Metadata(name=name, metadata=dict(values))))
 
     def close(self) -> None:
         """Close the file; it stays a journal until it is finished."""
@@ -93,47 +129,50 @@ class Journal:
             os.close(self._fd)
             self._fd = -1
 
-    def _chunks(self, message: Message) -> bytes:
-        declaration = b"" if message.channel in self._channels else self._declare(message.channel)
-        channel = self._channels[message.channel][0]
+    def _head(self, message: Message, channel: int) -> bytes:
         times = message.log_time, message.publish_time
         try:
-            head = _MESSAGE_HEAD.pack(Opcode.MESSAGE, 22 + len(message.data), channel, message.sequence, *times)
+            return _MESSAGE_HEAD.pack(_MESSAGE, 22 + len(message.data), channel, message.sequence, *times)
         except struct.error as error:
             text = f"{self.path}: found times {times}, expected ns since the epoch in 64 bits"
             raise InvalidEventError(text) from error
-        return declaration + _chunk(head + message.data, message.log_time)
 
-    def _declare(self, spec: ChannelSpec) -> bytes:
-        """Return the declaration of a channel, twice: without it all the channel's messages would be lost."""
+    def _declare(self, spec: ChannelSpec, chunks: list[bytes]) -> _Declaration:
+        """Declare a channel in the chunks to be written, twice: without it all the channel's messages would be lost."""
         if len(self._channels) >= _MAX_CHANNELS:
             raise LogWriteError(self.path, f"has {_MAX_CHANNELS} channels already", "use fewer names of signals")
         schema_id = self._schemas.setdefault(spec.type_name, len(self._schemas) + 1)
         channel_id = len(self._channels) + 1
         schema = Schema(schema_id, spec.definition, channels.SCHEMA_ENCODING, spec.type_name)
         channel = Channel(channel_id, spec.topic, channels.CDR, dict(spec.metadata), schema_id)
-        declaration = _chunk(_record(schema) + _record(channel), 0)
-        self._channels[spec] = channel_id, declaration
-        return declaration * 2
+        records = record_bytes(schema) + record_bytes(channel)
+        declaration = _Declaration(channel_id, _chunk(records, 0), zlib.crc32(records))
+        self._channels[spec] = declaration
+        chunks.append(declaration.chunk * 2)
+        return declaration
 
     def _repeated_declarations(self) -> bytes:
         """Return all declarations again whenever the file has doubled in size, so that they outlive a larger hole."""
-        if self.size < self._repeat_at:
+        if self._end.size < self._repeat_at:
             return b""
-        self._repeat_at = 2 * self.size
-        return b"".join(declaration for _, declaration in self._channels.values())
+        self._repeat_at = 2 * self._end.size
+        return b"".join(declaration.chunk for declaration in self._channels.values())
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes, n_messages: int | None = None, checksum: int = 0) -> None:
+        """Write bytes, all or none; `n_messages` and `checksum` are the end of the chain behind them, if it grew."""
+        before = self._end
+        size = before.size + len(data)
         try:
             self._write_all(data)
+            # the last step: an interrupt before it undoes the write
+            self._end = before._replace(size=size) if n_messages is None else _End(size, n_messages, checksum)
         except BaseException as error:
             with suppress(OSError):  # remove a partly written message
-                os.ftruncate(self._fd, self.size)
+                os.ftruncate(self._fd, before.size)
             if not isinstance(error, OSError):
                 raise
             remedy = "free space or record elsewhere; what was acknowledged before is in the file"
             raise LogWriteError(self.path, f"an event could not be written ({error.strerror})", remedy) from error
-        self.size += len(data)
 
     def _write_all(self, data: bytes) -> None:
         view = memoryview(data)
@@ -155,13 +194,9 @@ def _create(path: Path) -> int:
     return fd
 
 
-def _record(record: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    record.write(builder)
-    return bytes(builder.end())  # type: ignore[no-untyped-call]  # mcap leaves it untyped
+def _chunk_head(size: int, checksum: int, log_time: int) -> bytes:
+    return _CHUNK_HEAD.pack(_CHUNK, _CHUNK_HEAD.size - 9 + size, log_time, log_time, size, checksum, 0, size)
 
 
 def _chunk(records: bytes, log_time: int) -> bytes:
-    length = _CHUNK_HEAD.size - 9 + len(records)
-    crc = zlib.crc32(records)
-    return _CHUNK_HEAD.pack(Opcode.CHUNK, length, log_time, log_time, len(records), crc, 0, len(records)) + records
+    return _chunk_head(len(records), zlib.crc32(records), log_time) + records

@@ -27,6 +27,7 @@ from hrclog.log.files import exists
 from hrclog.log.formats import HEAD_BYTES, Format, foreign_error
 from hrclog.log.indexed import read_contents
 from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
+from hrclog.log.losses import NO_FOOTER, annotated_losses, recorded_losses
 from hrclog.log.message import EVENTS
 from hrclog.log.nameless_runs import Joined, joined_splits, name_runs, named
 from hrclog.log.never_set import with_numbers, without_unset
@@ -40,6 +41,7 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
 
 _MOST_TOPICS: Final = 20  # that a message lists
+_MOST_RUNS: Final = 5  # named in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,14 +158,15 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         topics = sum((content.topics for content in decoded.values()), Counter[tuple[str, str]]())
         complain("no_events", f"the log carries no task events; {_topics_text(topics)}", None)
+    is_nameless = any(diagnostic.code == "no_run_id" for diagnostic in diagnostics)
+    run_ids = events["run_id"].unique().to_list()
+    if run_ids and not is_nameless:
+        _report_foreign_samples([frame for content in decoded.values() for frame in content.signals], run_ids, complain)
     samples: list[pl.DataFrame] = []
     scenes: list[RecordedScene] = []
     for content, own_events in zip(decoded.values(), frames, strict=True):
         run_id = _only_run(own_events) or _only_run(events)
-        frame = _stacked(content.signals, SIGNAL_COLUMNS)
-        samples.append(
-            frame if run_id is None or frame.is_empty() else frame.with_columns(pl.lit(run_id).alias("run_id"))
-        )
+        samples.append(_samples(content.signals, run_id, is_nameless=is_nameless))
         scenes.append(recorded_scene(content.scene, run_id, lambda text: complain("invalid_scene", text, None)))
     scene = scenes[0] if len(scenes) == 1 else merged(scenes)
     return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene)
@@ -182,6 +185,30 @@ def _stacked(frames: list[pl.DataFrame], schema: pl.Schema) -> pl.DataFrame:
     if len(frames) == 1:
         return frames[0]
     return pl.concat(frames) if frames else schema.to_frame()
+
+
+def _samples(frames: list[pl.DataFrame], only_run: str | None, *, is_nameless: bool) -> pl.DataFrame:
+    """Return the samples of a file; those that name no run belong to its only one."""
+    samples = pl.concat(frames) if frames else pl.DataFrame(schema=SIGNAL_COLUMNS)
+    if only_run is None or _runs_of(frames) <= {only_run}:
+        return samples
+    named = pl.lit(value=not is_nameless) & (pl.col("run_id") != "")
+    return samples.with_columns(pl.when(named).then("run_id").otherwise(pl.lit(only_run)).alias("run_id"))
+
+
+def _runs_of(frames: list[pl.DataFrame]) -> set[str]:
+    """Return the runs that frames name; all samples of a frame are of one channel, which names one."""
+    return {str(frame["run_id"][0]) for frame in frames if frame.height}
+
+
+def _report_foreign_samples(frames: list[pl.DataFrame], run_ids: list[str], complain: Complain) -> None:
+    """Report samples that name a run of which the file has no event; they stay that run's."""
+    for run_id in sorted(_runs_of(frames) - {"", *run_ids}):
+        samples = pl.concat(frame for frame in frames if frame.height and frame["run_id"][0] == run_id)
+        whose = f"of run {run_id!r}, the first of {samples['name'][0]!r}"
+        expected = f"expected run {run_ids[0]!r}" if len(run_ids) == 1 else f"expected one of {len(run_ids)} runs"
+        text = counted(samples.height, "sample is", "samples are")
+        complain("foreign_records", f"{text} {whose}, of which the file has no event; {expected}", None)
 
 
 def _only_run(events: pl.DataFrame) -> str | None:
@@ -244,9 +271,26 @@ def _decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, s
     contents.problems[:0] = file.problems
     for problem in contents.problems:
         complain(problem.code, problem.message, problem.offset)
+    if contents.unprotected:
+        complain("unprotected", "no checksum covers the messages of this file: damage to them cannot be seen", None)
+    for text in recorded_losses(contents.metadata):
+        complain("recovered_with_losses", text, None)
     if not contents.finished:
         _tell_of_the_end(path, contents, complain)
-    return decode_contents(contents, complain, signals=signals)
+    decoded = decode_contents(contents, complain, signals=signals)
+    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
+        _report_several_runs(decoded.events, complain)
+    return decoded
+
+
+def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:
+    """Report that a journal holds more than the one run that a recorder writes into it."""
+    run_ids = pl.concat([EVENT_COLUMNS.to_frame().select("run_id"), *(frame.select("run_id") for frame in events)])
+    if run_ids["run_id"].n_unique() > 1:
+        runs = run_ids.group_by("run_id", maintain_order=True).len().rows()
+        parts = ", ".join(f"{n_events:,} of {run_id!r}" for run_id, n_events in runs[:_MOST_RUNS])
+        text = f"the journal holds events of {len(runs)} runs ({parts}), expected one: parts of another file are in it"
+        complain("foreign_records", text, None)
 
 
 def _tell_of_the_end(path: Path, contents: Contents, complain: Complain) -> None:
@@ -256,7 +300,7 @@ def _tell_of_the_end(path: Path, contents: Contents, complain: Complain) -> None
     if plain_name(path.name).endswith(PARTIAL_SUFFIX):
         complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
     elif "truncated" not in codes:
-        complain("truncated", "the file has no footer: its end is missing, and whatever was there", None)
+        complain("truncated", NO_FOOTER, None)
 
 
 def _read_mcap(path: Path, data: bytes, wanted: Wanted) -> Contents:
@@ -304,7 +348,8 @@ def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks) ->
     events, unnumbered = with_numbers(events)
     events, corrections = on_one_clock(events, clocks)
     events = events.sort(ORDER, maintain_order=True)
-    diagnostics += [*copies, *unset, *unnumbered, *corrections, *check_events(events)]
+    losses = annotated_losses(events, diagnostics)
+    diagnostics += [*losses, *copies, *unset, *unnumbered, *corrections, *check_events(events)]
     events = usable(events)
     samples = merged_samples([part.signals for part in parts])
     paths = [path for part in parts for path in part.paths]

@@ -97,7 +97,7 @@ def recorded_scene(parts: SceneParts, run_id: str | None, tell: Tell) -> Recorde
 
     Args:
         parts: its messages.
-        run_id: the file's only run, None where there are several.
+        run_id: the only run of the file, for parts that name none; None where there are several.
         tell: told what is left out.
     """
     scenes, descriptions, poses = (
@@ -131,7 +131,9 @@ def merged(scenes: Iterable[RecordedScene]) -> RecordedScene:
 
 
 def _with_run(frame: pl.DataFrame, run_id: str | None) -> pl.DataFrame:
-    return frame if run_id is None else frame.with_columns(pl.lit(run_id).alias("run_id"))
+    if run_id is None:
+        return frame
+    return frame.with_columns(pl.when(pl.col("run_id") == "").then(pl.lit(run_id)).otherwise("run_id").alias("run_id"))
 
 
 def _first(texts: pl.DataFrame) -> pl.DataFrame:

@@ -39,11 +39,21 @@ Span = tuple[bytes, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A range of bytes that could not be read."""
+    """What could not be read, or is missing.
+
+    Attributes:
+        code: of the diagnostic.
+        offset: where, bytes from the start of the file.
+        message: what.
+        n_bytes: how many bytes were not read, 0 if it is not known.
+        n_messages: how many messages are missing, 0 if it is not known.
+    """
 
     code: str
     offset: int
     message: str
+    n_bytes: int = 0
+    n_messages: int = 0
 
 
 class Walk:
@@ -84,16 +94,16 @@ class Walk:
 
     def distrust(self, record: Record, reason: str) -> None:
         """Report a record that was just yielded as damaged; its length may be wrong, so look for chunks inside it."""
-        self._problems.append(Problem("corrupt_data", record[1], reason))
         inside = next_chunk(self._data, record[1] + 1, record[3], self._end)
         self._position = record[3] if inside is None else inside
+        self._problems.append(Problem("corrupt_data", record[1], reason, self._position - record[1]))
 
     def _skip_gap(self) -> None:
         following = next_chunk(self._data, self._position + 1, self._end, self._end)
         if following is None:
             n_left = self._end - self._position
             text = f"the file ends inside a record; its last {counted(n_left, 'byte was', 'bytes were')} ignored"
-            self._problems.append(Problem("truncated", self._position, text))
+            self._problems.append(Problem("truncated", self._position, text, n_left))
         else:
             self._problems.append(_gap(self._position, following))
         self._position = self._end if following is None else following
@@ -103,7 +113,8 @@ class Walk:
         opcode, offset, _, end = record
         if opcode == Opcode.CHUNK:
             self._chunked = True
-            return next_chunk(self._data, min(_body_end(self._data, record), end), end, self._end)
+            body_end = _body_end(self._data, record)
+            return None if body_end >= end else next_chunk(self._data, body_end, end, self._end)
         if opcode == Opcode.MESSAGE and not self._chunked:  # messages may hold anything
             return None
         if opcode == Opcode.ATTACHMENT and _is_whole(self._data, record):
@@ -153,6 +164,8 @@ def expand(data: bytes, record: Record) -> Span:
     span = _decompress(data, bytes(data[start + 32 : name_end]), name_end + 8, body_end, size)
     if span[2] - span[1] != size:
         raise ValueError("a chunk is not as long as it says")
+    if not crc and body_end < end:
+        raise ValueError("a chunk's sizes do not fill its record, and it has no checksum")
     if crc and zlib.crc32(memoryview(span[0])[span[1] : span[2]]) != crc:
         raise ValueError("a chunk fails its checksum")
     return span
@@ -234,4 +247,4 @@ def _gap(position: int, following: int) -> Problem:
         "byte is not a valid record and was skipped",
         "bytes are not valid records and were skipped",
     )
-    return Problem("corrupt_data", position, text)
+    return Problem("corrupt_data", position, text, following - position)

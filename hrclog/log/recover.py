@@ -1,31 +1,57 @@
-"""Turn a journal, or a damaged log, into a finished one: every message that can be read, nothing invented."""
+"""Turn a journal, or a damaged log, into a finished one: every message that can be read, nothing invented.
+
+What a damaged source lost is told in the finished log, see `hrclog.log.losses`.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
+
+import numpy as np
+import polars as pl
+from mcap.records import Channel, Schema
 
 from hrclog.errors import LogExistsError, LogReadError, LogWriteError
+from hrclog.log import channels
+from hrclog.log.chain import is_chained
 from hrclog.log.channels import EVENTS_TOPIC
 from hrclog.log.contents import Batch, Contents
+from hrclog.log.decode import EVENT_COLUMNS, decode_contents
+from hrclog.log.encode import event_message
 from hrclog.log.files import exists, lock
 from hrclog.log.journal import PARTIAL_SUFFIX
-from hrclog.log.records import Problem
+from hrclog.log.losses import NO_FOOTER, RECOVERED, Loss, loss_of, recorded_losses, remarks_on
+from hrclog.log.reader import read_log
+from hrclog.log.records import MAGIC, PREFIX, Problem
 from hrclog.log.streamed import read_streamed
 from hrclog.log.writer import FinishedWriter, write_atomically
 from hrclog.wording import counted
 
+_TOLD_AGAIN: Final = frozenset({"no_events", "undecodable_event", "recovered_with_losses"})
+
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """The result of a recovery."""
+    """The result of a recovery.
+
+    Attributes:
+        source: what was recovered.
+        path: the finished log.
+        n_messages: how many messages could be read.
+        problems: what was lost.
+        earlier: what earlier recoveries of the source lost, in words.
+    """
 
     source: Path
     path: Path
     n_messages: int
     problems: list[Problem]
+    earlier: list[str] = field(default_factory=list)
 
 
 def finished_path(source: Path) -> Path:
@@ -54,17 +80,83 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
             raise LogReadError(source, description, "a journal with events", "0 events can be recovered; delete it")
         is_journal = source.name.endswith(PARTIAL_SUFFIX)
         n_messages = sum(len(batch.start) for batch in contents.batches)
-        if not is_journal and not contents.problems and contents.finished:
-            return Recovered(source, source, n_messages, [])
+        earlier = recorded_losses(contents.metadata)
+        problems = _losses(contents, data, is_journal=is_journal)
+        if is_journal and n_messages and not is_chained(contents, data):
+            problems += _told_by_reader(source, problems)
+        if not is_journal and not problems:
+            return Recovered(source, source, n_messages, [], earlier)
         if not is_journal and not n_messages:
             description = f"a damaged log of {counted(len(data), 'byte')} without a readable message"
             raise LogReadError(source, description, "at least one message", "nothing can be recovered from it")
-        if exists(target):
-            _check_same(target, source, contents)
-        else:
-            write_atomically(target, lambda writer: _copy(contents, writer))
-        _remove_journal(source, damaged=bool(contents.problems))
-    return Recovered(source, target, n_messages, contents.problems)
+        loss = loss_of(source, data, problems) if problems else None
+        if not exists(target) or _forgets(target, source, contents, loss):
+            write_atomically(target, lambda writer: _copy(contents, writer, loss))
+        _remove_journal(source, damaged=bool(problems))
+    return Recovered(source, target, n_messages, problems, earlier)
+
+
+def drop_begun(journal: Path) -> bool:
+    """Remove a journal that was cut before its first message, as nothing in it was acknowledged; say whether it was.
+
+    Raises:
+        LogReadError: it cannot be opened, or a recorder still writes it.
+        LogWriteError: it cannot be removed.
+    """
+    with _read_locked(journal) as data:
+        begun = _is_begun(data)
+        if begun:
+            _remove_journal(journal, damaged=False)
+    return begun
+
+
+def _is_begun(data: bytes) -> bool:
+    """Return whether bytes are the beginning of a journal, and end before its first message does."""
+    if not (data.startswith(MAGIC) or MAGIC.startswith(data)):
+        return False
+    contents = read_streamed(data)
+    if contents.batches:
+        return False
+    torn_at = len(data)
+    for problem in contents.problems:
+        if problem.code not in ("truncated", "no_header"):
+            return False
+        torn_at = min(torn_at, problem.offset)
+    if torn_at + PREFIX.size > len(data):
+        return True
+    opcode, length = PREFIX.unpack_from(data, torn_at)
+    return bool(opcode != 0 and torn_at + PREFIX.size + length > len(data))
+
+
+def _losses(contents: Contents, data: bytes, *, is_journal: bool) -> list[Problem]:
+    """Return what of a file cannot be in its recovery."""
+    problems = list(contents.problems)
+    codes = {problem.code for problem in problems}
+    if not is_journal and not contents.finished and not codes & {"truncated", "no_header"}:
+        problems.append(Problem("truncated", len(data), NO_FOOTER))
+    for batch in contents.batches:
+        unknown = ~np.isin(batch.channel, list(contents.channels))
+        if unknown.any():
+            n_unknown = int(unknown.sum())
+            text = counted(n_unknown, "message is", "messages are")
+            offset = int(batch.start[unknown][0]) if batch.data is data else 0
+            text = f"{text} on a channel that is not declared, and cannot be read"
+            problems.append(Problem("corrupt_data", offset, text, n_messages=n_unknown))
+    return problems
+
+
+def _told_by_reader(source: Path, problems: list[Problem]) -> list[Problem]:
+    """Return what reading a journal without a chain tells of losses, but for what it will tell of the recovery too."""
+    known = {problem.code for problem in problems} | _TOLD_AGAIN
+    try:
+        diagnostics = read_log(source, signals=True).diagnostics
+    except LogReadError:
+        return []
+    return [
+        Problem(finding.code, finding.offset or 0, finding.message)
+        for finding in diagnostics
+        if finding.severity == "error" and finding.code not in known
+    ]
 
 
 @contextmanager
@@ -96,15 +188,24 @@ def _remove_journal(source: Path, *, damaged: bool) -> None:
         raise LogWriteError(source, text, "remove it") from error
 
 
-def _check_same(target: Path, source: Path, contents: Contents) -> None:
+def _forgets(target: Path, source: Path, contents: Contents, loss: Loss | None) -> bool:
+    """Return whether a recovered log of the same messages does not tell of the loss.
+
+    Raises:
+        LogReadError: the target cannot be opened.
+        LogExistsError: it holds other messages.
+    """
     try:
         existing = read_streamed(target.read_bytes() if target.is_file() else b"")
     except OSError as error:
         raise LogReadError(
             target, f"a file that cannot be opened ({error.strerror})", "no file, or the same log"
         ) from error
-    if sorted(_messages(existing)) != sorted(_messages(contents)):
+    here, there = Counter(_messages(contents)), Counter(_messages(existing))
+    remarks = there - here
+    if here - there or not all(topic == EVENTS_TOPIC and RECOVERED.encode() in data for topic, _, data in remarks):
         raise LogExistsError(target, f"it differs from {source}; choose another name with -o")
+    return loss is not None and not recorded_losses(existing.metadata)
 
 
 def _messages(contents: Contents) -> Iterator[tuple[str, int, bytes]]:
@@ -120,7 +221,7 @@ def _rows(batch: Batch) -> Iterator[tuple[int, int, int, int, int, int]]:
     return zip(*(array.tolist() for array in arrays), strict=True)
 
 
-def _copy(contents: Contents, writer: FinishedWriter) -> None:
+def _copy(contents: Contents, writer: FinishedWriter, loss: Loss | None) -> None:
     """Copy all messages, those of the event topic first, so that a reader of events can skip the other chunks."""
     ids = _register(contents, writer)
     for is_events in (True, False):
@@ -128,15 +229,42 @@ def _copy(contents: Contents, writer: FinishedWriter) -> None:
             for channel, log_time, publish_time, sequence, start, end in _rows(batch):
                 if channel in ids and (contents.channels[channel].topic == EVENTS_TOPIC) is is_events:
                     writer.add_raw(ids[channel], log_time, publish_time, sequence, batch.data[start:end])
+        if loss is not None and is_events:
+            _add_remarks(contents, writer, loss)
     for metadata in contents.metadata:
         writer.metadata(metadata.name, metadata.metadata)
+    if loss is not None:
+        writer.metadata(RECOVERED, loss)
+
+
+def _add_remarks(contents: Contents, writer: FinishedWriter, loss: Loss) -> None:
+    """Tell each run of the loss."""
+    decoded = decode_contents(contents, lambda *_: None, signals=False)
+    events = pl.concat([EVENT_COLUMNS.to_frame(), *decoded.events])
+    for remark in remarks_on(loss, events):
+        writer.add(event_message(remark, remark.time_ns))
 
 
 def _register(contents: Contents, writer: FinishedWriter) -> dict[int, int]:
     """Declare the channels in the new file; return its ids by the old ones."""
     ids: dict[int, int] = {}
+    taken: set[object] = set()
     for old, channel in contents.channels.items():
         schema = contents.schemas.get(channel.schema_id)
         schema_id = writer.schema(schema.name, schema.encoding, schema.data) if schema else 0
-        ids[old] = writer.channel(old, channel.topic, channel.message_encoding, schema_id, channel.metadata)
+        # under our own key, so that remarks go on the channel that is there
+        key = channels.EVENTS if _is_event_channel(channel, schema) and channels.EVENTS not in taken else old
+        taken.add(key)
+        ids[old] = writer.channel(key, channel.topic, channel.message_encoding, schema_id, channel.metadata)
     return ids
+
+
+def _is_event_channel(channel: Channel, schema: Schema | None) -> bool:
+    """Return whether a channel is as hrclog declares its event channel."""
+    ours = channels.EVENTS
+    return (
+        schema is not None
+        and (schema.name, schema.encoding, schema.data) == (ours.type_name, channels.SCHEMA_ENCODING, ours.definition)
+        and (channel.topic, channel.message_encoding, channel.metadata)
+        == (ours.topic, channels.CDR, dict(ours.metadata))
+    )

@@ -33,7 +33,7 @@ class FinishedWriter:
     """
 
     def __init__(self, stream: IO[bytes]) -> None:
-        self._writer = McapWriter(stream, chunk_size=_CHUNK_SIZE)
+        self._writer = McapWriter(stream, chunk_size=_CHUNK_SIZE, enable_data_crcs=True)
         self._writer.start(profile=channels.PROFILE, library=LIBRARY)
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[object, int] = {}

@@ -79,14 +79,18 @@ def test_recover_closes_a_killed_log_and_says_what_was_lost(run: Run, samples: P
     before = run("info", journal, "--json").json()["files"][0]["n_events"]
     assert run("recover", tmp_path).code == 3
     assert not journal.exists()
-    result = run("info", tmp_path / "killed.mcap", "--json")
-    assert result.code == 0
+    closed = tmp_path / "killed.mcap"
+    result = run("info", closed, "--json")
     assert result.json()["files"][0] == {
-        "path": str(tmp_path / "killed.mcap"),
-        "bytes": (tmp_path / "killed.mcap").stat().st_size,
-        "n_events": before,
+        "path": str(closed),
+        "bytes": closed.stat().st_size,
+        "n_events": before + 1,  # a remark on what was lost
         "finished": True,
     }
+    for again in (result, run("check", closed), run("analyze", closed), run("recover", closed)):
+        assert again.code == 3
+        assert "killed.mcap.partial" in again.err
+        assert "recovered_with_losses" in again.err
     assert run("recover", tmp_path).code == 0
 
 

@@ -167,7 +167,7 @@ def test_a_flipped_bit_in_a_finished_log_costs_no_chunk_but_the_one_it_lies_in(f
 def test_a_flipped_bit_in_the_records_of_a_chunk_is_reported_as_corrupt_data(finished: File) -> None:
     begin, end = finished.spans[5]
     diagnostics = _check(finished, _flip(finished.data, (begin + end) * 4), _hurt(finished, begin, end))
-    assert {"corrupt_data", "events_missing"} == {diagnostic.code for diagnostic in diagnostics}
+    assert {"corrupt_data", "events_missing", "records_missing"} == {diagnostic.code for diagnostic in diagnostics}
     assert diagnostics[0].offset == begin
     assert "chunk" in diagnostics[0].message
 

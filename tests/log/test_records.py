@@ -10,7 +10,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, MessageIndex, Metadata, Schema
 
-from hrclog.log.indexed import _offsets
+from hrclog.log.indexed import _entries
 from hrclog.log.journal import _chunk
 from hrclog.log.records import Problem, Walk, expand, next_chunk, parse, record_at
 
@@ -55,8 +55,9 @@ def test_bytes_behind_the_known_fields_are_passed_over(record: McapRecord) -> No
 def test_a_message_index_may_be_padded() -> None:
     data = _padded(_bytes(MessageIndex(7, [(5, 31), (6, 0)])), b"x" * 16)
     index = ChunkIndex(0, 0, "", 0, 0, 0, {7: 0}, 0, 0)
-    channels, starts = _offsets(data, index)
+    channels, starts, times = _entries(data, index)
     assert (channels.tolist(), starts.tolist()) == ([7, 7], [0, 31])
+    assert times.tolist() == [6, 5]
     assert starts.dtype == np.int64
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import polars as pl
 import pytest
 from folders import names_in
 from hypothesis import example, given, settings
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from hrclog.diagnostic import loses_data
 from hrclog.errors import LogExistsError, LogReadError
 from hrclog.events import Heartbeat, RunStarted, TaskStarted
 from hrclog.log.encode import FloatSignal, event_message, run_metadata, signal_message
@@ -39,6 +41,11 @@ def write_journal(folder: Path, name: str = "run.mcap.partial") -> Journal:
     journal.append(signal_message(FloatSignal("r", "distance", 30, 0.25), 30))
     journal.close()
     return journal
+
+
+def without_remarks(events: pl.DataFrame) -> pl.DataFrame:
+    """Return events without what a recovery says of its loss."""
+    return events.filter(pl.col("kind") != "annotation_added").drop("path")
 
 
 def test_a_recovered_journal_is_a_finished_log_of_the_same_messages(tmp_path: Path) -> None:
@@ -70,7 +77,9 @@ def test_a_torn_journal_is_recovered_up_to_the_tear_and_kept(tmp_path: Path, whe
     journal.path.write_bytes(torn)
     before = read_logs(journal.path)
     recovered = recover(journal.path)
-    assert read_logs(recovered.path).events.drop("path").equals(before.events.drop("path"))
+    after = read_logs(recovered.path)
+    assert without_remarks(after.events).equals(before.events.drop("path"))
+    assert loses_data(after.diagnostics) is loses_data(before.diagnostics)
     kept = tmp_path / "run.mcap.partial.damaged"
     assert kept.exists() is bool(recovered.problems)
     assert not journal.path.exists()
@@ -135,7 +144,7 @@ def test_a_damaged_finished_log_is_kept_beside_its_recovery_and_may_be_recovered
     recovered = recover(path)
     assert recovered.path == tmp_path / "run.recovered.mcap"
     assert path.read_bytes() == damaged
-    assert read_logs(recovered.path).events.height == 5
+    assert without_remarks(read_logs(recovered.path).events).height == 5
     assert read_indexed(recovered.path.read_bytes()).finished
     first = recovered.path.read_bytes()
     assert recover(path).path.read_bytes() == first

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import pytest
 from folders import names_in
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from scenes import ARM_URDF, cell_scene
 
@@ -25,8 +27,9 @@ from hrclog.errors import IllegalEventError, InvalidEventError, LogExistsError, 
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import Event, Heartbeat, RunEnded, TaskDispatched, TaskStarted
 from hrclog.log.encode import Message
-from hrclog.log.journal import Journal
+from hrclog.log.journal import Journal, journal_path
 from hrclog.log.reader import Logs, read_logs
+from hrclog.log.records import Walk
 from hrclog.recorders.event_recorder import steady_clock
 from hrclog.state import Phase
 
@@ -606,6 +609,54 @@ def test_a_segment_that_was_killed_before_its_first_byte_is_written_anew(path: P
     with Recorder(path, resume=True) as recorder:
         assert recorder.path.name == "run.2.mcap"
     assert _segments(path.parent).diagnostics == []
+
+
+@settings(max_examples=25)
+@given(where=st.floats(0, 1, exclude_max=True), segment=st.integers(1, 2))
+def test_a_journal_that_was_cut_before_its_first_event_is_begun_anew(
+    where: float, segment: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("cut") / "run.mcap"
+    if segment == 2:
+        Recorder(path).close()
+    recorder = Recorder(path, resume=segment == 2)
+    journal = journal_path(recorder.path)
+    whole = journal.read_bytes()
+    # the message of a journal's chunk follows the chunk's head
+    first = next(record for record in Walk(whole, []) if record[0] == Opcode.CHUNK and whole[record[1] + 49] == 5)
+    left = whole[: int(where * first[3])]
+    abandon(recorder)
+    journal.write_bytes(left)
+    with Recorder(path, "demo", resume=True) as again:
+        assert again.path.name == ("run.mcap" if segment == 1 else "run.2.mcap")
+    assert names_in(path.parent) == (["run.mcap"] if segment == 1 else ["run.2.mcap", "run.mcap"])
+    logs = _segments(path.parent)
+    assert logs.diagnostics == []
+    assert logs.events["run_id"].n_unique() == 1
+    assert logs.events["seq"].to_list() == list(range(2 * segment))
+
+
+def test_a_journal_whose_events_were_destroyed_is_not_begun_anew(path: Path) -> None:
+    recorder = Recorder(path)
+    abandon(recorder)
+    journal = journal_path(path)
+    journal.write_bytes(journal.read_bytes()[:41] + bytes(5000))
+    with pytest.raises(LogReadError, match="found 0 runs, expected one run to continue"):
+        Recorder(path, resume=True)
+    assert path.with_name("run.mcap.partial.damaged").exists()
+
+
+@pytest.mark.parametrize("room", [0, 8, 30, 60, 2000, 4500])
+def test_a_disk_that_is_full_at_the_start_leaves_no_journal(path: Path, room: int) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+    try:
+        with pytest.raises(LogWriteError, match="could not be written"):
+            Recorder(path, plan="x" * 5000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert names_in(path.parent) == []
+    Recorder(path).close()
 
 
 def test_a_journal_beside_its_finished_log_is_removed_on_resuming(path: Path) -> None:
