@@ -66,7 +66,8 @@ class JsonRecord:
         def is_valid(value: object) -> bool:
             return isinstance(value, str) and value in allowed
 
-        return str(self._value(name, default, is_valid, f"one of {', '.join(allowed)}", allowed[0]))
+        value: str = self._value(name, default, is_valid, f"one of {', '.join(allowed)}", allowed[0])
+        return value  # as it is: a default may be a member of an enumeration
 
     def number(self, name: str, default: float | None = None, *, least: float = 0.0, most: float = math.inf) -> float:
         """Return a finite number from `least` to `most`."""

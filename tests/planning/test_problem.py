@@ -218,3 +218,5 @@ def test_a_wrong_field_is_named_with_its_place(change: dict[str, object], messag
 def test_a_text_that_is_not_given_is_its_default_itself() -> None:
     """Ids of runs depend on how a dispatch mode is written out, so a member of an enumeration must stay one."""
     assert JsonRecord({}, "cell", ("mode",)).text("mode", DispatchMode.TIMED) is DispatchMode.TIMED
+    modes = tuple(DispatchMode)
+    assert JsonRecord({}, "cell", ("mode",)).choice("mode", modes, DispatchMode.TIMED) is DispatchMode.TIMED
