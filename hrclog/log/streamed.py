@@ -82,6 +82,7 @@ class _StreamedReader:
         batches = self._contents.batches
         n_before = sum(len(batch.start) for batch in batches)
         in_file = [span for span in doubled if span[0] not in self._packed]
+        first = next((begin for begin, end in doubled if self._holds_message(begin, end)), doubled[0][0])
         gone = {self._packed[begin] for begin, _ in doubled if begin in self._packed}
         batches = [batch for row, batch in enumerate(batches) if row not in gone]
         batches = [without_spans(batch, in_file) if batch.data is self._data else batch for batch in batches]
@@ -91,7 +92,12 @@ class _StreamedReader:
             return []
         self._frame.chunks = without_chunks(self._frame, [begin for begin, _ in doubled])
         text = counted(n_messages, "message is there twice and was", "messages are there twice and were")
-        return [Problem("records_doubled", doubled[0][0], f"{text} counted once; the first copy is at this byte")]
+        return [Problem("records_doubled", first, f"{text} counted once; the first copy is at this byte")]
+
+    def _holds_message(self, begin: int, end: int) -> bool:
+        """Return whether a chunk holds a message; others hold declarations."""
+        loose = (batch.start for batch in self._contents.batches if batch.data is self._data)
+        return begin in self._packed or any(bool(((begin <= start) & (start < end)).any()) for start in loose)
 
     def _take(self, record: Record) -> None:
         match record[0]:

@@ -371,7 +371,7 @@ def test_a_compressed_bag_gives_equal_events_also_without_metadata(
     if not with_metadata:
         (tmp_path / "bag" / "metadata.yaml").unlink()
     logs = read_logs(tmp_path / "bag")
-    assert logs.diagnostics == []
+    assert {found.code for found in logs.diagnostics} <= {"unprotected"}  # as rosbags writes MCAP
     assert facts(logs).equals(whole)
 
 

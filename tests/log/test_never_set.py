@@ -16,7 +16,7 @@ import hrclog
 from hrclog.diagnostic import Diagnostic
 from hrclog.event_rows import to_row
 from hrclog.events import SafetyStateChanged
-from hrclog.log.bags import definition_decoder
+from hrclog.log.definitions import Definition
 from hrclog.log.message import DEFINITION, EVENTS, TYPE_NAME, encode_row
 from hrclog.log.never_set import check_speeds, with_numbers, without_unset
 from hrclog.log.reader import Logs, read_logs
@@ -181,4 +181,4 @@ def test_a_bag_with_that_definition_is_read_as_our_own(tmp_path: Path) -> None:
     one, other = read_logs(ours), read_logs(theirs)
     assert other.diagnostics == []
     assert other.events.drop("path").equals(one.events.drop("path"))
-    assert definition_decoder(TYPE_NAME, definition)(encode_row(to_row(run()[0].event))).kind == "run_started"
+    assert Definition(definition).decoder()(encode_row(to_row(run()[0].event))).kind == "run_started"
