@@ -16,32 +16,27 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
-from hrclog.log.bags import is_bag, open_bag
+from hrclog.log.bags import is_bag
 from hrclog.log.checks import check_events, usable, without_copies
 from hrclog.log.clocks import NO_CLOCKS, Clocks, on_one_clock
-from hrclog.log.contents import Contents, Wanted
-from hrclog.log.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
-from hrclog.log.discover import BAG_METADATA, find_logs, plain_name, unread_logs
+from hrclog.log.decode import EVENT_COLUMNS
+from hrclog.log.discover import find_logs, unread_logs
 from hrclog.log.failures import Complain
 from hrclog.log.files import exists
-from hrclog.log.formats import HEAD_BYTES, Format, foreign_error
-from hrclog.log.indexed import read_contents
-from hrclog.log.journal import PARTIAL_SUFFIX, journal_path
-from hrclog.log.losses import NO_FOOTER, annotated_losses, recorded_losses
+from hrclog.log.journal import journal_path
+from hrclog.log.losses import annotated_losses
 from hrclog.log.message import EVENTS
 from hrclog.log.nameless_runs import Joined, joined_splits, name_runs, named
 from hrclog.log.never_set import with_numbers, without_unset
+from hrclog.log.parts import complaints, decode_bag, decode_file
 from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
-from hrclog.log.records import MAGIC
 from hrclog.log.signals import SIGNAL_COLUMNS, merged_samples
-from hrclog.log.unpack import load
 from hrclog.wording import counted
 
 ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
 
 _MOST_TOPICS: Final = 20  # that a message lists
-_MOST_RUNS: Final = 5  # named in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,15 +136,15 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         LogReadError: it is missing, cannot be opened, or is no event log at all.
     """
     diagnostics: list[Diagnostic] = []
-    complain = _complaints(path, diagnostics)
+    complain = complaints(path, diagnostics)
     if not exists(path):
         journal = journal_path(path)
         remedy = f"its recorder was killed: hrclog recover {journal}" if exists(journal) else "check the path"
         raise LogReadError(path, "nothing", "an event log", remedy)
     if is_bag(path):
-        decoded = _decode_bag(path, diagnostics, signals=signals)
+        decoded = decode_bag(path, diagnostics, signals=signals)
     else:
-        decoded = {path: _decode_file(path, complain, {}, signals=signals)}
+        decoded = {path: decode_file(path, complain, {}, signals=signals)}
     pieces = [(part, _stacked(content.events, EVENT_COLUMNS)) for part, content in decoded.items()]
     frames, texts = name_runs(pieces, path)
     for text in texts:
@@ -170,15 +165,6 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         scenes.append(recorded_scene(content.scene, run_id, lambda text: complain("invalid_scene", text, None)))
     scene = scenes[0] if len(scenes) == 1 else merged(scenes)
     return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene)
-
-
-def _complaints(path: Path, diagnostics: list[Diagnostic]) -> Complain:
-    """Return what takes complaints about a file into a list."""
-
-    def complain(code: str, text: str, offset: int | None) -> None:
-        diagnostics.append(Diagnostic(code, text, str(path), offset=offset))
-
-    return complain
 
 
 def _stacked(frames: list[pl.DataFrame], schema: pl.Schema) -> pl.DataFrame:
@@ -224,91 +210,6 @@ def _topics_text(topics: Mapping[tuple[str, str], int]) -> str:
         return "it has no topics"
     others = len(topics) - len(listed)
     return f"it has {', '.join(listed)}{f' and {others} more topics' if others else ''}"
-
-
-def _decode_bag(folder: Path, diagnostics: list[Diagnostic], *, signals: bool) -> dict[Path, Decoded]:
-    """Decode the parts of a ROS 2 bag, each by itself: a bad one costs only itself."""
-    bag = open_bag(folder)
-    diagnostics += [
-        Diagnostic("missing_part", f"{BAG_METADATA} lists this file, which is not there", str(folder / name))
-        for name in bag.missing
-    ]
-    decoded: dict[Path, Decoded] = {}
-    failures: list[LogReadError] = []
-    numbering: dict[str, int] = {}
-    for part in bag.parts:
-        try:
-            decoded[part] = _decode_file(part, _complaints(part, diagnostics), numbering, signals=signals)
-        except LogReadError as error:
-            size = counted(part.stat().st_size, "byte was", "bytes were")
-            text = f"{error.reason}; none of its {size} read"
-            diagnostics.append(Diagnostic("unreadable_file", text, str(part)))
-            failures.append(error)
-    if not decoded:
-        description = f"a bag none of whose {counted(len(failures), 'part')} can be read, the first: {failures[0]}"
-        raise LogReadError(folder, description, "at least one part that can")
-    return decoded
-
-
-def _decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, signals: bool) -> Decoded:
-    """Decode one file, by what it is and not by its name."""
-    if not path.is_file():
-        raise LogReadError(path, "something that is no regular file", "an event log")
-    file = load(path)
-    if file.kind is Format.RERUN or path.suffix == ".rrd":
-        raise foreign_error(path, file.data[:HEAD_BYTES])
-    wanted = is_wanted if signals else is_event_channel
-    if file.kind is Format.SQLITE:
-        from hrclog.log.database import read_database
-
-        contents = read_database(path, wanted, file.data or None, numbering)
-    elif file.kind is Format.ROS1:
-        from hrclog.log.ros1 import read_ros1
-
-        contents = read_ros1(path, file.data, wanted)
-    else:
-        contents = _read_mcap(path, file.data, wanted)
-    contents.problems[:0] = file.problems
-    for problem in contents.problems:
-        complain(problem.code, problem.message, problem.offset)
-    if contents.unprotected:
-        complain("unprotected", "no checksum covers the messages of this file: damage to them cannot be seen", None)
-    for text in recorded_losses(contents.metadata):
-        complain("recovered_with_losses", text, None)
-    if not contents.finished:
-        _tell_of_the_end(path, contents, complain)
-    decoded = decode_contents(contents, complain, signals=signals)
-    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
-        _report_several_runs(decoded.events, complain)
-    return decoded
-
-
-def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:
-    """Report that a journal holds more than the one run that a recorder writes into it."""
-    run_ids = pl.concat([EVENT_COLUMNS.to_frame().select("run_id"), *(frame.select("run_id") for frame in events)])
-    if run_ids["run_id"].n_unique() > 1:
-        runs = run_ids.group_by("run_id", maintain_order=True).len().rows()
-        parts = ", ".join(f"{n_events:,} of {run_id!r}" for run_id, n_events in runs[:_MOST_RUNS])
-        text = f"the journal holds events of {len(runs)} runs ({parts}), expected one: parts of another file are in it"
-        complain("foreign_records", text, None)
-
-
-def _tell_of_the_end(path: Path, contents: Contents, complain: Complain) -> None:
-    codes = {problem.code for problem in contents.problems}
-    if "no_header" in codes:
-        return
-    if plain_name(path.name).endswith(PARTIAL_SUFFIX):
-        complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
-    elif "truncated" not in codes:
-        complain("truncated", NO_FOOTER, None)
-
-
-def _read_mcap(path: Path, data: bytes, wanted: Wanted) -> Contents:
-    contents = read_contents(data, wanted)
-    # a kill before or within the magic bytes leaves a prefix of them
-    if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
-        raise foreign_error(path, data[:HEAD_BYTES])
-    return contents
 
 
 def _join_splits(parts: list[Logs]) -> list[Logs]:

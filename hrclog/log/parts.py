@@ -1,0 +1,138 @@
+"""Decode a file by what it is, or each part of a bag; what is doubtful or lost on the way is a diagnostic."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from hrclog.diagnostic import Diagnostic
+from hrclog.errors import LogReadError
+from hrclog.log.bags import open_bag
+from hrclog.log.contents import Contents, Wanted
+from hrclog.log.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
+from hrclog.log.discover import BAG_METADATA, plain_name
+from hrclog.log.failures import Complain
+from hrclog.log.formats import HEAD_BYTES, Format, foreign_error
+from hrclog.log.indexed import read_contents
+from hrclog.log.journal import PARTIAL_SUFFIX
+from hrclog.log.losses import NO_FOOTER, recorded_losses
+from hrclog.log.records import MAGIC
+from hrclog.log.unpack import load
+from hrclog.wording import counted
+
+_MOST_RUNS: Final = 5  # named in a message
+
+
+def complaints(path: Path, diagnostics: list[Diagnostic]) -> Complain:
+    """Return what takes complaints about a file into a list."""
+
+    def complain(code: str, text: str, offset: int | None) -> None:
+        diagnostics.append(Diagnostic(code, text, str(path), offset=offset))
+
+    return complain
+
+
+def decode_bag(folder: Path, diagnostics: list[Diagnostic], *, signals: bool) -> dict[Path, Decoded]:
+    """Decode the parts of a ROS 2 bag, each by itself: a bad one costs only itself.
+
+    Args:
+        folder: the bag.
+        diagnostics: takes what is lost or doubtful.
+        signals: whether signals and scene are wanted too.
+
+    Raises:
+        LogReadError: no part can be read.
+    """
+    bag = open_bag(folder)
+    diagnostics += [
+        Diagnostic("missing_part", f"{BAG_METADATA} lists this file, which is not there", str(folder / name))
+        for name in bag.missing
+    ]
+    decoded: dict[Path, Decoded] = {}
+    failures: list[LogReadError] = []
+    numbering: dict[str, int] = {}
+    for part in bag.parts:
+        try:
+            decoded[part] = decode_file(part, complaints(part, diagnostics), numbering, signals=signals)
+        except LogReadError as error:
+            size = counted(part.stat().st_size, "byte was", "bytes were")
+            text = f"{error.reason}; none of its {size} read"
+            diagnostics.append(Diagnostic("unreadable_file", text, str(part)))
+            failures.append(error)
+    if not decoded:
+        description = f"a bag none of whose {counted(len(failures), 'part')} can be read, the first: {failures[0]}"
+        raise LogReadError(folder, description, "at least one part that can")
+    return decoded
+
+
+def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, signals: bool) -> Decoded:
+    """Decode one file, by what it is and not by its name.
+
+    Args:
+        path: the file.
+        complain: takes what is lost or doubtful.
+        numbering: how many messages of each topic earlier parts of its bag hold.
+        signals: whether signals and scene are wanted too.
+
+    Raises:
+        LogReadError: it cannot be opened, or is no event log at all.
+    """
+    if not path.is_file():
+        raise LogReadError(path, "something that is no regular file", "an event log")
+    file = load(path)
+    if file.kind is Format.RERUN or path.suffix == ".rrd":
+        raise foreign_error(path, file.data[:HEAD_BYTES])
+    wanted = is_wanted if signals else is_event_channel
+    if file.kind is Format.SQLITE:
+        from hrclog.log.database import read_database
+
+        contents = read_database(path, wanted, file.data or None, numbering)
+    elif file.kind is Format.ROS1:
+        from hrclog.log.ros1 import read_ros1
+
+        contents = read_ros1(path, file.data, wanted)
+    else:
+        contents = _read_mcap(path, file.data, wanted)
+    contents.problems[:0] = file.problems
+    for problem in contents.problems:
+        complain(problem.code, problem.message, problem.offset)
+    if contents.unprotected:
+        complain("unprotected", "no checksum covers the messages of this file: damage to them cannot be seen", None)
+    for text in recorded_losses(contents.metadata):
+        complain("recovered_with_losses", text, None)
+    if not contents.finished:
+        _tell_of_the_end(path, contents, complain)
+    decoded = decode_contents(contents, complain, signals=signals)
+    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
+        _report_several_runs(decoded.events, complain)
+    return decoded
+
+
+def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:
+    """Report that a journal holds more than the one run that a recorder writes into it."""
+    run_ids = pl.concat([EVENT_COLUMNS.to_frame().select("run_id"), *(frame.select("run_id") for frame in events)])
+    if run_ids["run_id"].n_unique() > 1:
+        runs = run_ids.group_by("run_id", maintain_order=True).len().rows()
+        parts = ", ".join(f"{n_events:,} of {run_id!r}" for run_id, n_events in runs[:_MOST_RUNS])
+        text = f"the journal holds events of {len(runs)} runs ({parts}), expected one: parts of another file are in it"
+        complain("foreign_records", text, None)
+
+
+def _tell_of_the_end(path: Path, contents: Contents, complain: Complain) -> None:
+    codes = {problem.code for problem in contents.problems}
+    if "no_header" in codes:
+        return
+    if plain_name(path.name).endswith(PARTIAL_SUFFIX):
+        complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
+    elif "truncated" not in codes:
+        complain("truncated", NO_FOOTER, None)
+
+
+def _read_mcap(path: Path, data: bytes, wanted: Wanted) -> Contents:
+    contents = read_contents(data, wanted)
+    # a kill before or within the magic bytes leaves a prefix of them
+    if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
+        raise foreign_error(path, data[:HEAD_BYTES])
+    return contents
