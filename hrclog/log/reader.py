@@ -73,7 +73,7 @@ def read_logs(
         LogReadError: nothing matched, or no file could be read at all.
         HrclogError: no event names an agent of `clocks`.
     """
-    arguments = [arguments] if isinstance(arguments, str | Path) else list(arguments)
+    arguments = _listed(arguments)
     paths = _find_paths(arguments)
     parts, failures = _read_all(paths, on_file, signals=signals)
     if len(failures) == 1 and not parts:
@@ -101,10 +101,28 @@ def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
         HrclogError: no event names an agent of `clocks`.
     """
-    parts, failures = _read_all(_find_paths([paths] if isinstance(paths, str | Path) else list(paths)))
+    parts, failures = _read_all(_find_paths(_listed(paths)))
     if failures:
         raise failures[0]
     return _combine(parts, [], clocks).events
+
+
+def _listed(arguments: object) -> list[str | Path]:
+    """Return paths as a list; a user may give anything.
+
+    Raises:
+        LogReadError: it is no path and no list of them.
+    """
+    entries = [arguments] if isinstance(arguments, str | Path) or not isinstance(arguments, Iterable) else arguments
+    paths: list[str | Path] = []
+    for entry in entries:
+        if not isinstance(entry, str | Path):
+            shown = f"{entry!r} " if entry is None or isinstance(entry, int | float) else ""
+            raise LogReadError(
+                "logs", f"{shown}of type {type(entry).__name__}", "paths, folders or globs of .mcap files"
+            )
+        paths.append(entry)
+    return paths
 
 
 def _find_paths(arguments: list[str | Path]) -> list[Path]:
