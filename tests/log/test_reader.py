@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import polars as pl
 import pytest
@@ -399,7 +398,7 @@ def test_a_frame_of_no_events_has_all_columns(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("argument", [5, None, [None], pl.DataFrame({"a": [1]}), ["sample_logs", 2.5]])
-def test_what_is_no_path_is_one_clear_error(argument: Any) -> None:
+def test_what_is_no_path_is_one_clear_error(argument: object) -> None:
     for read in (read_logs, read_events):
         with pytest.raises(LogReadError, match="expected paths, folders or globs"):
             read(argument)
