@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
+from sizes import many
 
 from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.errors import LogReadError
@@ -196,11 +197,12 @@ def test_records_that_are_lost_or_foreign_to_a_closed_log_are_told(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
-def test_every_record_of_a_closed_log_may_be_lost_or_foreign(
+def test_records_all_over_a_closed_log_may_be_lost_or_foreign(
     tmp_path: Path, pair: tuple[bytes, bytes], change: str
 ) -> None:
     n_parts = len(parts(pair[0]))
-    for i in range(n_parts):
+    step = many(4, fuzz=1)
+    for i in range(CHANGES.index(change) % step, n_parts, step):
         check_law(tmp_path / "run.mcap", *pair, change, i, (7 * i + 3) % n_parts)
 
 

@@ -317,7 +317,8 @@ def watch(folder: Path, viewer: Viewer, *steps: Callable[[], object]) -> Followe
         return False
 
     followed = Followed()
-    return follow(folder, "", wait, until_idle_s=0.3, tell=viewer.told.append, followed=followed)
+    until_idle_s = 0.3 * (1 + len(steps))  # on a busy machine a look may take longer than it should
+    return follow(folder, "", wait, until_idle_s=until_idle_s, tell=viewer.told.append, followed=followed)
 
 
 def nothing() -> None:
