@@ -86,7 +86,7 @@ def _callback(importer: Importer) -> Any:
                 f"{counted(len(imported.written), 'log')} written to {output}, {len(imported.unchanged)} there already"
             )
             if remark.text:
-                echo(remark.text)
+                echo_lines(remark.text)
             if remark.rows:
                 echo_lines(table(remark.header, remark.rows))
         return tell(imported.diagnostics)

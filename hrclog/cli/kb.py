@@ -13,7 +13,7 @@ import click
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.cli.clock_option import clock_option
-from hrclog.cli.common import EXIT_FINE, Progress, echo, echo_lines, json_option, logs_argument, print_json, tell
+from hrclog.cli.common import EXIT_FINE, Progress, echo_lines, json_option, logs_argument, print_json, tell
 from hrclog.cli.known_times import VARIABLE
 from hrclog.cli.names import NameOf
 from hrclog.wording import counted
@@ -311,4 +311,4 @@ def _print_result(document: dict[str, Any], sentence: str, *, as_json: bool) -> 
     if as_json:
         print_json(document)
     else:
-        echo(sentence)
+        echo_lines(sentence)

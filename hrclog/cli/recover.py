@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, echo, json_option, print_json
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, echo, echo_lines, json_option, print_json
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
         echo("no journals (*.mcap.partial) to recover", err=True)
     done, failures = _recover_all(sources, output)
     for failure in failures:
-        echo(f"error: {failure}", err=True)
+        echo_lines(f"error: {failure}", err=True)
     for result in done:
         for problem in result.problems:
             place = f"{result.source} (byte {problem.offset})"

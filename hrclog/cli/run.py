@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hrclog.cli.cell_options import engine_option, safety_option, signals_option
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, echo, json_option, print_json
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, echo, echo_lines, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.cli.replan_options import replan_options
 from hrclog.cli.run_options import RunOptions
@@ -150,7 +150,7 @@ def _execute_several(
             try:
                 runs.append(execute(plan, settings, path, number, series=True))
             except HrclogError as error:
-                echo(f"hrclog: error: {path}: {error}", err=True)
+                echo_lines(f"hrclog: error: {path}: {error}", err=True)
                 code = max(code, EXIT_DATA_LOST)
                 break
             following.take([path])
@@ -181,7 +181,7 @@ def _prepare_plans(plan_paths: Sequence[Path], settings: RunOptions) -> tuple[di
         try:
             prepared[plan_path] = prepare(plan_path, settings)
         except HrclogError as error:
-            echo(f"hrclog: error: {error}", err=True)
+            echo_lines(f"hrclog: error: {error}", err=True)
     return prepared, EXIT_DATA_LOST if len(prepared) < len(plan_paths) else 0
 
 
