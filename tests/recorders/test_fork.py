@@ -117,9 +117,12 @@ def test_a_child_that_outlives_a_killed_recorder_does_not_keep_its_journal(tmp_p
     def parent() -> int:
         recorder = Recorder(path)
         recorder.start("robot", "pick")
+        ready = os.pipe()
         if not os.fork():
+            os.write(ready[1], b"x")
             os.read(read_end[0], 1)  # until the test has closed the other end
             os._exit(0)
+        os.read(ready[0], 1)  # a child that runs has put the journal away
         os.kill(os.getpid(), signal.SIGKILL)
         return 1
 
