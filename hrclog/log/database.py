@@ -110,7 +110,7 @@ def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wan
     n_bytes, n_messages, n_odd = 0, 0, 0
     topics = {channel.id: channel.topic for channel in contents.channels.values()}
     marks = ", ".join("?" * len(ids))
-    query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY rowid"  # noqa: S608
+    query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY rowid"  # noqa: S608 - marks are question marks
     try:
         for topic_id, time_ns, data in database.execute(query, ids):
             if not _is_message(time_ns, data):

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import zlib
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Footer, MetadataIndex, Statistics
+from mcap.records import ChunkIndex, Footer, Statistics
 
 from hrclog.arrays import IntArray, UintArray
 from hrclog.log.completeness import count_problems, data_problems, frame_problems, match_chunks
 from hrclog.log.contents import Batch, Contents, Wanted, channel_counts
 from hrclog.log.frame import has_checksum, listing, survey
-from hrclog.log.records import MAGIC, PREFIX, Problem, Record, Walk, expand, parse, record_at
+from hrclog.log.records import MAGIC, PREFIX, Problem, Record, expand, parse, record_at
 from hrclog.log.streamed import read_streamed
 
 _MESSAGE_DTYPE: Final = np.dtype(
@@ -24,15 +22,6 @@ _MESSAGE_HEAD: Final = np.uint64(_MESSAGE_DTYPE.itemsize - PREFIX.size)
 _ZERO: Final = np.zeros(1, np.int64)
 _MAX_OFFSET: Final = 1 << 40
 _FOOTER_SIZE: Final = PREFIX.size + 20 + len(MAGIC)
-
-
-@dataclass(slots=True)
-class Summary:
-    """What the summary section says."""
-
-    contents: Contents
-    chunks: list[ChunkIndex] = field(default_factory=list)
-    statistics: Statistics | None = None
 
 
 def read_contents(data: bytes, wanted: Wanted | None = None) -> Contents:
@@ -89,40 +78,6 @@ def read_indexed(data: bytes, wanted: Wanted | None = None) -> Contents:
 def _trust(problems: list[Problem]) -> None:
     if problems:
         raise ValueError(problems[0].message)
-
-
-def read_summary(data: bytes) -> Summary:
-    """Read the summary section, and the header and metadata that it leads to.
-
-    Raises:
-        ValueError: there is none, it is damaged, or its checksum is wrong.
-    """
-    contents = Contents(finished=True)
-    contents.keep(data, _expect(data, len(MAGIC), Opcode.HEADER))
-    summary = Summary(contents)
-    for record in _summary_records(data):
-        match record[0]:
-            case Opcode.CHUNK_INDEX:
-                summary.chunks.append(parse(ChunkIndex, data, record))
-            case Opcode.STATISTICS:
-                summary.statistics = parse(Statistics, data, record)
-            case Opcode.METADATA_INDEX:
-                at: MetadataIndex = parse(MetadataIndex, data, record)
-                contents.keep(data, _expect(data, at.offset, Opcode.METADATA))
-            case _:
-                contents.keep(data, record)
-    return summary
-
-
-def _summary_records(data: bytes) -> list[Record]:
-    footer, footer_at = _summary_at(data), len(data) - _FOOTER_SIZE
-    if footer.summary_crc and zlib.crc32(data[footer.summary_start : len(data) - len(MAGIC) - 4]) != footer.summary_crc:
-        raise ValueError("the summary fails its checksum")
-    problems: list[Problem] = []
-    records = list(Walk(data, problems, footer.summary_start, footer_at))
-    if problems:
-        raise ValueError("the summary is damaged")
-    return records
 
 
 def _summary_at(data: bytes) -> Footer:

@@ -260,5 +260,5 @@ def test_other_readers_read_a_journal_past_its_links(folder: Path, pieces: list[
         try:
             read_by_mcap.extend(message.data for _, _, message in reader.iter_messages(log_time_order=False))
         except Exception as error:  # noqa: BLE001 - a journal has no end, which mcap says in ways of its own
-            assert "end" in type(error).__name__.lower() + str(error).lower()  # noqa: PT017
+            assert "end" in type(error).__name__.lower() + str(error).lower()  # noqa: PT017 - it may also say nothing
     assert len(read_by_mcap) == len(messages(pieces))

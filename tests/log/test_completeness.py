@@ -108,17 +108,17 @@ class Mutant:
         return own[:i] + own[i + 1 :]
 
     @staticmethod
-    def remove_some(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004
+    def remove_some(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004 - every change takes the same
         """Leave some out that follow each other."""
         return own[: min(i, j)] + own[max(i, j) :]
 
     @staticmethod
-    def double(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004
+    def double(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004 - every change takes the same
         """Put one in again, anywhere."""
         return [*own[:j], own[i], *own[j:]]
 
     @staticmethod
-    def swap(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004
+    def swap(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004 - every change takes the same
         """Let two change places."""
         return [own[{i: j, j: i}.get(k, k)] for k in range(len(own))]
 
@@ -128,7 +128,7 @@ class Mutant:
         return [*own[:i], other[j % len(other)], *own[i:]]
 
     @staticmethod
-    def replace(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004
+    def replace(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004 - every change takes the same
         """Put the one of the other file in its place."""
         return [*own[:i], other[i % len(other)], *own[i + 1 :]]
 
@@ -138,7 +138,7 @@ class Mutant:
         return own[:i] + other[j % len(other) :]
 
     @staticmethod
-    def splice_there(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004
+    def splice_there(own: list[bytes], other: list[bytes], i: int, j: int) -> list[bytes]:  # noqa: ARG004 - every change takes the same
         """Go on with the other file at the same place."""
         return own[:i] + other[i % len(other) :]
 

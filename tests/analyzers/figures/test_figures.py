@@ -271,7 +271,7 @@ def test_an_unobserved_pair_is_grey_and_has_no_number() -> None:
 
 
 def test_a_pair_that_overlapped_without_a_success_says_so_in_cell_hover_and_notes() -> None:
-    reason = lambda i, j: "no_success" if i == j == 0 else "weakly_identified" if i == j == 1 else "ok"  # noqa: E731
+    reason = lambda i, j: "no_success" if i == j == 0 else "weakly_identified" if i == j == 1 else "ok"  # noqa: E731 - used twice, just below
     table = cells(
         SYNERGIES,
         2,
