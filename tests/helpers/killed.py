@@ -34,6 +34,9 @@ REMEMBERED: Final = "recovered_with_losses"
 REMARK: Final = "annotation_added"
 """How a log remembers the torn bytes of the journal that it was recovered from: an error, and an event."""
 
+PATIENCE_S: Final = 60.0
+"""How long a job may take to its first acknowledgements."""
+
 Acknowledge = Callable[[str, str], object]
 
 
@@ -138,9 +141,12 @@ class Server:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def run_and_kill(self, job: str, folder: Path, after_s: float, **arguments: object) -> None:
-        """Let a process do a job, and kill it after a time."""
+    def run_and_kill(self, job: str, folder: Path, after_s: float, *, n_first: int = 0, **arguments: object) -> None:
+        """Let a process do a job, and kill it some time after its first acknowledgements, however slow the machine."""
         child = int(self._ask(json.dumps([job, str(folder), arguments])))
+        until = time.monotonic() + PATIENCE_S
+        while len(acknowledged(folder)) < n_first and time.monotonic() < until:
+            time.sleep(0.001)
         time.sleep(after_s)
         os.kill(child, signal.SIGKILL)
         answer = self._ask("reap")
