@@ -16,7 +16,6 @@ from typing import Final
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.transforms import Affine2D
@@ -106,6 +105,8 @@ def save_pdf(plots: Sequence[Plot], path: Path) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
+    from matplotlib.backends.backend_pdf import PdfPages
+
     target = BytesIO()
     with _settings(), PdfPages(target, metadata={"CreationDate": None, "Creator": None, "Producer": None}) as pages:
         for plot in plots:

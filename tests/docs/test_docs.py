@@ -33,11 +33,13 @@ PAGES = [
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NEEDS_BULLET = re.compile(r"engine[ =]\"?bullet")
 FEWER = {
+    # the README does so with the whole campaign
+    "commands.md": (("analyze sample_logs/campaign", "analyze sample_logs/failures.mcap"),),
     "paper-figures.md": (
         ("--runs 50 --seed 1", "--runs 6 --seed 1"),
         ("50 runs of 2 agents (human, robot) between", "6 runs of 2 agents (human, robot)..."),
         ("2025-01-01 and 2025-01-02 (UTC), 1,200 executions.", "(UTC), 144 executions."),
-    )
+    ),
 }
 """What takes minutes as it is shown, and what is tried of it; all of it where HRCLOG_FUZZ is set."""
 EXITS = re.compile(r"\s+# exits (\d+).*$")
