@@ -17,7 +17,7 @@ from hrclog.analyzers.synergy.estimator import estimate
 from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS, EstimatorName
 from hrclog.analyzers.synergy.observations import observe
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, Outliers
-from hrclog.log.clocks import NO_CLOCKS, Clocks
+from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
 from hrclog.log.reader import Logs, read_logs
 
 

@@ -15,7 +15,7 @@ from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.diagnostic import Diagnostic
-from hrclog.log.recorded_scene import RecordedScene
+from hrclog.log.messages.recorded_scene import RecordedScene
 
 if TYPE_CHECKING:
     from hrclog.analyzers.figures import CampaignFigures, RunFigures

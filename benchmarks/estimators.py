@@ -37,7 +37,7 @@ from hrclog.analyzers.synergy.aft_likelihood import Prior
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import observe
 from hrclog.event_rows import to_row
-from hrclog.log.decode import frame_of_rows
+from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_events
 from hrclog.recorders.importers.mongo import import_mongo
 from hrclog.sim.run import simulate_run

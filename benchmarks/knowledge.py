@@ -25,7 +25,7 @@ from hrclog.analyzers.learning.ingest import frame_of_events, ingest, ingest_eve
 from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.events import Event
 from hrclog.knowledge import open_knowledge
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.sim.run import simulate_run
 from hrclog.sim.scenario import load_scenario
 

@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mutants import MAGIC, Base, records
 
-from hrclog.log.journal import journal_path
 from hrclog.log.reader import read_log
+from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder
 
 _T0: Final = 1_700_000_000 * 10**9
@@ -61,7 +61,7 @@ def _recorded(path: Path, seed: int) -> tuple[bytes, bytes]:
     ids = (f"{seed:08d}-0000-7000-8000-{number:012d}" for number in count())
     with (
         patch("hrclog.recorders.segments.new_id", lambda: next(ids)),
-        patch("hrclog.log.writer._CHUNK_SIZE", _CHUNK_SIZE, create=True),
+        patch("hrclog.log.writing.writer._CHUNK_SIZE", _CHUNK_SIZE, create=True),
     ):
         recorder = Recorder(path, f"run {seed}", agents=["robot", "human"], clock_ns=lambda: next(ticks))
         for i in range(_N_TASKS):

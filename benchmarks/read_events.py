@@ -14,7 +14,7 @@ from measure import cpu_seconds, table
 from hrclog.events import STRING_COLUMNS, Event, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.ids import new_id
 from hrclog.log.reader import read_log
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 
 def make_log(path: Path, executions: int) -> int:

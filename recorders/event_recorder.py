@@ -13,11 +13,11 @@ from typing import TypeVar
 from hrclog.errors import IllegalEventError
 from hrclog.events import CLOCK_SHIFT, Event, Outcome, RunEnded, RunStarted, TaskFact
 from hrclog.forks import renew_after_fork
-from hrclog.log.encode import Signal, event_message, run_metadata, signal_message
-from hrclog.log.journal import Journal, journal_path
-from hrclog.log.lanes import Lanes
+from hrclog.log.messages.encode import Signal, event_message, run_metadata, signal_message
 from hrclog.log.recover import recover
-from hrclog.log.writer import RUN_METADATA
+from hrclog.log.writing.journal import Journal, journal_path
+from hrclog.log.writing.lanes import Lanes
+from hrclog.log.writing.writer import RUN_METADATA
 from hrclog.recorders.segments import Segment
 from hrclog.recorders.task_handle import NOW, TaskHandle, instant
 from hrclog.state import PLANNED, ExecutionState, Phase, apply

@@ -13,7 +13,7 @@ from hrclog.errors import InvalidEventError
 from hrclog.event_rows import check_row, from_row, parse_details, to_row
 from hrclog.events import COLUMNS, TASK_KINDS, Event, Outcome, Role, RunStarted, TaskFact, UnknownEvent
 from hrclog.ids import new_id
-from hrclog.log.json_rows import row_from_object
+from hrclog.log.messages.json_rows import row_from_object
 from hrclog.recorders.task_handle import instant
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted

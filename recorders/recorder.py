@@ -25,7 +25,7 @@ from hrclog.events import (
     TaskStarted,
 )
 from hrclog.ids import new_id
-from hrclog.log.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal
+from hrclog.log.messages.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal
 from hrclog.recorders.event_recorder import EventRecorder, steady_clock
 from hrclog.recorders.segments import first_segment, next_segment
 from hrclog.recorders.task_handle import NOW, TaskHandle, as_details, instant

@@ -14,10 +14,10 @@ from hrclog.errors import InvalidEventError, LogExistsError, LogReadError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import TaskFact
 from hrclog.ids import new_id
-from hrclog.log.files import exists
-from hrclog.log.journal import journal_path
+from hrclog.log.files.system import exists
 from hrclog.log.reader import read_logs
 from hrclog.log.recover import drop_begun, recover
+from hrclog.log.writing.journal import journal_path
 from hrclog.state import PLANNED, ExecutionState, apply
 
 

@@ -11,9 +11,9 @@ from typing import Any, Final, Self
 
 from hrclog.errors import IllegalEventError, InvalidEventError, LogWriteError
 from hrclog.events import TASK_KINDS, Event, Outcome, RunEnded, RunStarted
-from hrclog.log.files import exists
-from hrclog.log.journal import journal_path
-from hrclog.log.json_rows import parse_object
+from hrclog.log.files.system import exists
+from hrclog.log.messages.json_rows import parse_object
+from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.json_lines import (
     BEGINNINGS,
     SIGNAL,

@@ -19,7 +19,7 @@ from hrclog.events import (
     TaskStarted,
     event_on,
 )
-from hrclog.log.message import UNSET_INT
+from hrclog.log.messages.message import UNSET_INT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

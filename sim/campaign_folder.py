@@ -26,9 +26,9 @@ import polars as pl
 from hrclog._version import __version__
 from hrclog.errors import LogExistsError, LogWriteError, OutputError, ScenarioError
 from hrclog.event_rows import parse_details
-from hrclog.log.files import lock, replace_atomically, sync_folder
+from hrclog.log.files.system import lock, replace_atomically, sync_folder
 from hrclog.log.reader import read_log
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.sim.run import Run, run_id_of, run_name
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.truth import (

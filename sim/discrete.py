@@ -31,7 +31,7 @@ from hrclog.sim.truth import ExecutionTruth, PairTruth
 from hrclog.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from hrclog.log.encode import Signal
+    from hrclog.log.messages.encode import Signal
 
 _END, _BEGIN = 0, 1  # what ends at an instant ends before anything begins there: touching intervals do not overlap
 

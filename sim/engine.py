@@ -13,7 +13,7 @@ from hrclog.recorders.executors.protocol import Executor
 from hrclog.sim.truth import ExecutionTruth, PairTruth
 
 if TYPE_CHECKING:
-    from hrclog.log.encode import Signal
+    from hrclog.log.messages.encode import Signal
     from hrclog.sim.scenario import Scenario
 
 

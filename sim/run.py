@@ -29,7 +29,7 @@ from hrclog.sim.stream import Stream
 from hrclog.sim.truth import RunTruth
 
 if TYPE_CHECKING:
-    from hrclog.log.encode import Signal
+    from hrclog.log.messages.encode import Signal
 
 BASE_EPOCH_NS: Final = 1_735_689_600_000_000_000
 """When the first simulated run starts: 2025-01-01T00:00:00Z."""

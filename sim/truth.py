@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from hrclog.errors import LogExistsError, ScenarioError
-from hrclog.log.files import replace_atomically
+from hrclog.log.files.system import replace_atomically
 
 if TYPE_CHECKING:
     from hrclog.sim.scenario import Scenario

@@ -38,7 +38,7 @@ def test_the_wheel_holds_hrclog_with_all_rooms_and_nothing_else(built: Path) -> 
         for path in (ROOT / room).rglob("*.py")
     }
     assert modules <= set(names), modules - set(names)
-    for data in ("hrclog/py.typed", "hrclog/log/TaskEvent.msg", "hrclog/sim/scenarios/paper.json"):
+    for data in ("hrclog/py.typed", "hrclog/log/messages/TaskEvent.msg", "hrclog/sim/scenarios/paper.json"):
         assert data in names
     assert any(name.startswith("hrclog/sample_logs/campaign/") for name in names)
 

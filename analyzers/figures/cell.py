@@ -15,8 +15,8 @@ from hrclog.analyzers.figures.text import shorten
 from hrclog.analyzers.figures.thinning import worth_drawing
 from hrclog.analyzers.figures.urdf import Urdf, drawable
 from hrclog.arrays import FloatArray, IntArray
-from hrclog.log.channels import topic_name
-from hrclog.log.recorded_scene import RunScene
+from hrclog.log.messages.channels import topic_name
+from hrclog.log.messages.recorded_scene import RunScene
 from hrclog.scene import Area, Base, Box, Scene, Slot
 from hrclog.wording import counted
 

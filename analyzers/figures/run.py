@@ -15,7 +15,7 @@ from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, legend,
 from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales, without_echoes
 from hrclog.analyzers.figures.table import DataTable
 from hrclog.arrays import IntArray
-from hrclog.log.recorded_scene import RunScene
+from hrclog.log.messages.recorded_scene import RunScene
 
 _KINDS: Final = {"done": 0, "planned": 1, "safety": 2}
 

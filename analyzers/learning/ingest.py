@@ -23,9 +23,9 @@ from hrclog.knowledge.update import Method, update
 from hrclog.knowledge.update import rebuild as rebuild_from
 from hrclog.knowledge.write import Taught
 from hrclog.log.checks import usable
-from hrclog.log.clocks import NO_CLOCKS, Clocks
-from hrclog.log.decode import frame_of_rows
-from hrclog.log.message import EVENTS
+from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
+from hrclog.log.messages.decode import frame_of_rows
+from hrclog.log.messages.message import EVENTS
 from hrclog.log.reader import Logs, read_logs
 from hrclog.plugins import PluginError
 from hrclog.wording import counted

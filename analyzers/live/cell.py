@@ -5,8 +5,8 @@ from __future__ import annotations
 import polars as pl
 
 from hrclog.analyzers.figures.cell import CellFigure
-from hrclog.log.recorded_scene import POSE_COLUMNS, RecordedScene, RunScene
-from hrclog.log.signals import SIGNAL_COLUMNS
+from hrclog.log.messages.recorded_scene import POSE_COLUMNS, RecordedScene, RunScene
+from hrclog.log.messages.signals import SIGNAL_COLUMNS
 from hrclog.scene import Scene
 
 

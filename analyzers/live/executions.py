@@ -14,7 +14,7 @@ from hrclog.analyzers.figures.series import Series, overlaps_so_far
 from hrclog.analyzers.projections.intervals import rebuild, top_level
 from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.events import TASK_KINDS, Outcome
-from hrclog.log.message import EVENTS
+from hrclog.log.messages.message import EVENTS
 
 _SPAN: Final = ("agent", "start_ns", "until_ns")
 _FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)

@@ -19,7 +19,7 @@ from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.analyzers.projections.runs import runs
 from hrclog.analyzers.result import Analysis
 from hrclog.errors import LogReadError
-from hrclog.log.files import exists
+from hrclog.log.files.system import exists
 from hrclog.log.reader import Logs, read_log
 from hrclog.log.watch import Listing, Stamp, finished_log, list_folder
 from hrclog.wording import counted

@@ -16,10 +16,10 @@ from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.analyzers.projections.runs import runs
 from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
-from hrclog.log.files import exists
+from hrclog.log.files.system import exists
 from hrclog.log.follow import JournalFollower, News, is_being_written
+from hrclog.log.messages.signals import SIGNAL_COLUMNS
 from hrclog.log.reader import Logs
-from hrclog.log.signals import SIGNAL_COLUMNS
 
 QUIET_NS: Final = 60_000_000_000
 """A journal counts as abandoned if it has not grown for so long and the system does not know its writer."""

@@ -23,9 +23,9 @@ from hrclog.analyzers.projections.runs import runs
 from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.events import UNKNOWN_OUTCOME
 from hrclog.log.checks import usable
-from hrclog.log.message import EVENTS
-from hrclog.log.recorded_scene import RecordedScene
-from hrclog.log.signals import SIGNAL_COLUMNS
+from hrclog.log.messages.message import EVENTS
+from hrclog.log.messages.recorded_scene import RecordedScene
+from hrclog.log.messages.signals import SIGNAL_COLUMNS
 
 LISTED: Final = 100
 """The most executions in the table of a run in progress."""

@@ -15,7 +15,7 @@ from hrclog.analyzers.projections.schemas import SIGNALS
 from hrclog.analyzers.result import Analysis
 from hrclog.diagnostic import Diagnostic
 from hrclog.log.checks import check_events, usable, without_copies
-from hrclog.log.message import EVENTS
+from hrclog.log.messages.message import EVENTS
 from hrclog.log.reader import ORDER, Logs
 
 

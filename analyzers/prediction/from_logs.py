@@ -13,7 +13,7 @@ from hrclog.analyzers.prediction.settings import SCORED, cross_validate, predict
 from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.analyzers.synergy.estimators import EstimatorName
 from hrclog.analyzers.synergy.outlier_methods import Outliers
-from hrclog.log.clocks import NO_CLOCKS, Clocks
+from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
 from hrclog.log.reader import read_logs
 
 Paths = str | Path | Iterable[str | Path]

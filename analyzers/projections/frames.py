@@ -11,7 +11,7 @@ import polars as pl
 
 from hrclog.analyzers.projections import schemas
 from hrclog.errors import HrclogError
-from hrclog.log.message import EVENTS
+from hrclog.log.messages.message import EVENTS
 from hrclog.wording import counted
 
 _MOST_NAMED: Final = 4

@@ -25,7 +25,7 @@ from hrclog.cli.common import (
 
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
-    from hrclog.log.clocks import Clocks
+    from hrclog.log.clocks.correction import Clocks
 
 
 def _recordings(_: click.Context, __: click.Parameter, value: str) -> int | None:

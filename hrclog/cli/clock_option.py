@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from hrclog.log.offsets import OFFSET_FORM, parse_offset
+from hrclog.log.clocks.offsets import OFFSET_FORM, parse_offset
 
 
 def _by_agent(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, int]:

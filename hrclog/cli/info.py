@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hrclog.diagnostic import Diagnostic
-    from hrclog.log.describe import Description
+    from hrclog.log.mcap.describe import Description
     from hrclog.log.reader import Logs
 
 _MOST_DESCRIBED: Final = 3
@@ -69,8 +69,8 @@ def _files_of(path: Path) -> list[Path]:
 def _described(path: Path) -> Description | None:
     """Return what a file is, None if it is no MCAP file that can be read."""
     from hrclog.errors import LogReadError
-    from hrclog.log.describe import describe
-    from hrclog.log.unpack import load
+    from hrclog.log.files.unpack import load
+    from hrclog.log.mcap.describe import describe
 
     try:
         return describe(load(path).data)

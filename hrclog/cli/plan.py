@@ -250,7 +250,7 @@ def _read_run(path: Path, clocks: dict[str, int]) -> tuple[list[Event], int]:
     """
     from hrclog.errors import ScenarioError
     from hrclog.event_rows import from_row
-    from hrclog.log.clocks import on_one_clock
+    from hrclog.log.clocks.correction import on_one_clock
     from hrclog.log.reader import read_log
 
     logs = read_log(path)

@@ -23,7 +23,7 @@ from hrclog.cli.common import (
     tell,
 )
 from hrclog.errors import HrclogError
-from hrclog.log.offsets import offset_text
+from hrclog.log.clocks.offsets import offset_text
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _check_folders(options: Mapping[str, Any]) -> None:
 
 def _check_logs_stay(options: Mapping[str, Any]) -> None:
     """Raise if an output file is one of the logs, by name or through a link."""
-    from hrclog.log.discover import find_logs
+    from hrclog.log.files.discover import find_logs
 
     logs = {_file_id(part) for log in find_logs(options["logs"]) for part in (log, *_parts_of_bag(log))} - {None}
     targets = [(f"--{kind}", options[kind]) for kind in ("output", "pdf") if options[kind]]

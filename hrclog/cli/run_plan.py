@@ -16,7 +16,7 @@ from hrclog.cli.replan_options import chosen_replan
 from hrclog.cli.run_options import RunOptions
 from hrclog.errors import DispatchError
 from hrclog.events import Event, PlanChanged, RunEnded, TaskEnded, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.planning.plan import Plan, plan_of_value, read_plan
 from hrclog.planning.provenance import made_for
 from hrclog.planning.run_state import Replan

@@ -19,7 +19,7 @@ from hrclog.events import (
     TASK_KINDS,
     Role,
 )
-from hrclog.log.clock_checks import check_clocks
+from hrclog.log.clocks.checks import check_clocks
 from hrclog.log.never_set import check_speeds
 from hrclog.wording import counted
 

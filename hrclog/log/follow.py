@@ -1,7 +1,7 @@
 """Follow a journal while its recorder writes it: each look gives what was appended since the one before.
 
-A journal holds each message in a chunk of its own (see `hrclog.log.journal`), so all that is whole can be used. What is
-written by half, and what fails its checksum with nothing good behind it, waits for the next look.
+A journal holds each message in a chunk of its own (see `hrclog.log.writing.journal`), so all that is whole can be
+used. What is written by half, and what fails its checksum with nothing good behind it, waits for the next look.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from mcap.opcode import Opcode
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
-from hrclog.log.contents import Batch, Contents
-from hrclog.log.decode import EVENT_COLUMNS, decode_contents, is_event_channel
-from hrclog.log.message import EVENTS
-from hrclog.log.recorded_scene import RecordedScene, recorded_scene
-from hrclog.log.records import MAGIC, Problem, Record, Walk, expand, record_at
-from hrclog.log.signals import SIGNAL_COLUMNS
+from hrclog.log.mcap.contents import Batch, Contents
+from hrclog.log.mcap.records import MAGIC, Problem, Record, Walk, expand, record_at
+from hrclog.log.messages.decode import EVENT_COLUMNS, decode_contents, is_event_channel
+from hrclog.log.messages.message import EVENTS
+from hrclog.log.messages.recorded_scene import RecordedScene, recorded_scene
+from hrclog.log.messages.signals import SIGNAL_COLUMNS
 
 BLOCK: Final = 1 << 24
 """Bytes that a look reads at most, unless a single record is longer."""
@@ -36,7 +36,7 @@ class News:
     """What a look found.
 
     Attributes:
-        events: rows of schema `hrclog.log.message.EVENTS`, in the order of writing.
+        events: rows of schema `hrclog.log.messages.message.EVENTS`, in the order of writing.
         signals: rows of `SIGNAL_COLUMNS`.
         scene: what was said of the cell.
         diagnostics: what could not be read.

@@ -15,8 +15,8 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import LATEST_NS, AnnotationAdded
-from hrclog.log.journal import LIBRARY
-from hrclog.log.records import Problem
+from hrclog.log.mcap.records import Problem
+from hrclog.log.writing.journal import LIBRARY
 from hrclog.wording import counted
 
 RECOVERED: Final = "hrclog.recovered"

@@ -9,17 +9,17 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
-from hrclog.log.bags import open_bag
-from hrclog.log.contents import Contents, Wanted
-from hrclog.log.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
-from hrclog.log.discover import BAG_METADATA, plain_name
-from hrclog.log.failures import Complain
-from hrclog.log.formats import HEAD_BYTES, Format, foreign_error
-from hrclog.log.indexed import read_contents
-from hrclog.log.journal import PARTIAL_SUFFIX
+from hrclog.log.bags.folder import open_bag
+from hrclog.log.files.discover import BAG_METADATA, plain_name
+from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error
+from hrclog.log.files.unpack import load
 from hrclog.log.losses import NO_FOOTER, recorded_losses
-from hrclog.log.records import MAGIC
-from hrclog.log.unpack import load
+from hrclog.log.mcap.contents import Contents, Wanted
+from hrclog.log.mcap.indexed import read_contents
+from hrclog.log.mcap.records import MAGIC
+from hrclog.log.messages.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
+from hrclog.log.messages.failures import Complain
+from hrclog.log.writing.journal import PARTIAL_SUFFIX
 from hrclog.wording import counted
 
 _MOST_RUNS: Final = 5  # named in a message
@@ -86,11 +86,11 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
         raise foreign_error(path, file.data[:HEAD_BYTES])
     wanted = is_wanted if signals else is_event_channel
     if file.kind is Format.SQLITE:
-        from hrclog.log.database import read_database
+        from hrclog.log.bags.sqlite import read_database
 
         contents = read_database(path, wanted, file.data or None, numbering)
     elif file.kind is Format.ROS1:
-        from hrclog.log.ros1 import read_ros1
+        from hrclog.log.bags.ros1 import read_ros1
 
         contents = read_ros1(path, file.data, wanted)
     else:

@@ -16,21 +16,21 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
-from hrclog.log.bags import is_bag
+from hrclog.log.bags.folder import is_bag
 from hrclog.log.checks import check_events, usable, without_copies
-from hrclog.log.clocks import NO_CLOCKS, Clocks, on_one_clock
-from hrclog.log.decode import EVENT_COLUMNS
-from hrclog.log.discover import find_logs, unread_logs
-from hrclog.log.failures import Complain
-from hrclog.log.files import exists
-from hrclog.log.journal import journal_path
+from hrclog.log.clocks.correction import NO_CLOCKS, Clocks, on_one_clock
+from hrclog.log.files.discover import find_logs, unread_logs
+from hrclog.log.files.system import exists
 from hrclog.log.losses import annotated_losses
-from hrclog.log.message import EVENTS
-from hrclog.log.nameless_runs import Joined, joined_splits, name_runs, named
+from hrclog.log.messages.decode import EVENT_COLUMNS
+from hrclog.log.messages.failures import Complain
+from hrclog.log.messages.message import EVENTS
+from hrclog.log.messages.recorded_scene import RecordedScene, merged, recorded_scene
+from hrclog.log.messages.signals import SIGNAL_COLUMNS, merged_samples
 from hrclog.log.never_set import with_numbers, without_unset
 from hrclog.log.parts import complaints, decode_bag, decode_file
-from hrclog.log.recorded_scene import RecordedScene, merged, recorded_scene
-from hrclog.log.signals import SIGNAL_COLUMNS, merged_samples
+from hrclog.log.runs.names import Joined, joined_splits, name_runs, named
+from hrclog.log.writing.journal import journal_path
 from hrclog.wording import counted
 
 ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
@@ -43,8 +43,8 @@ _MOST_TOPICS: Final = 20  # that a message lists
 class Logs:
     """What a set of files holds.
 
-    `events` has the columns of `hrclog.log.message.EVENTS` in the order `ORDER`; `signals` has `SIGNAL_COLUMNS`.
-    Signals and scene are empty unless they were asked for.
+    `events` has the columns of `hrclog.log.messages.message.EVENTS` in the order `ORDER`; `signals` has
+    `SIGNAL_COLUMNS`. Signals and scene are empty unless they were asked for.
     """
 
     events: pl.DataFrame
@@ -94,8 +94,8 @@ def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO
         clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
 
     Returns:
-        One row per event with the columns of `hrclog.log.message.EVENTS`; instants in ns on the recorder's clock,
-        texts "" and numbers null where unset.
+        One row per event with the columns of `hrclog.log.messages.message.EVENTS`; instants in ns on the recorder's
+        clock, texts "" and numbers null where unset.
 
     Raises:
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.

@@ -17,19 +17,19 @@ import polars as pl
 from mcap.records import Channel, Schema
 
 from hrclog.errors import LogExistsError, LogReadError, LogWriteError
-from hrclog.log import channels
-from hrclog.log.chain import is_chained
-from hrclog.log.channels import EVENTS_TOPIC
-from hrclog.log.contents import Batch, Contents
-from hrclog.log.decode import EVENT_COLUMNS, decode_contents
-from hrclog.log.encode import event_message
-from hrclog.log.files import exists, lock
-from hrclog.log.journal import PARTIAL_SUFFIX
+from hrclog.log.files.system import exists, lock
 from hrclog.log.losses import NO_FOOTER, RECOVERED, Loss, loss_of, recorded_losses, remarks_on
+from hrclog.log.mcap.chain import is_chained
+from hrclog.log.mcap.contents import Batch, Contents
+from hrclog.log.mcap.records import MAGIC, PREFIX, Problem
+from hrclog.log.mcap.streamed import read_streamed
+from hrclog.log.messages import channels
+from hrclog.log.messages.channels import EVENTS_TOPIC
+from hrclog.log.messages.decode import EVENT_COLUMNS, decode_contents
+from hrclog.log.messages.encode import event_message
 from hrclog.log.reader import read_log
-from hrclog.log.records import MAGIC, PREFIX, Problem
-from hrclog.log.streamed import read_streamed
-from hrclog.log.writer import FinishedWriter, write_atomically
+from hrclog.log.writing.journal import PARTIAL_SUFFIX
+from hrclog.log.writing.writer import FinishedWriter, write_atomically
 from hrclog.wording import counted
 
 _TOLD_AGAIN: Final = frozenset({"no_events", "undecodable_event", "recovered_with_losses"})

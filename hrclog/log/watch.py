@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hrclog.errors import LogReadError
-from hrclog.log.discover import BAG_METADATA
-from hrclog.log.journal import PARTIAL_SUFFIX
+from hrclog.log.files.discover import BAG_METADATA
+from hrclog.log.writing.journal import PARTIAL_SUFFIX
 
 Stamp = tuple[int, int, int]
 """Number of the file, its bytes, and when it was last changed in ns; equal stamps mean that nothing was."""

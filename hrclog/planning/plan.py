@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from hrclog.errors import ScenarioError
 from hrclog.json_record import JsonRecord, read_json
-from hrclog.log.files import replace_atomically
+from hrclog.log.files.system import replace_atomically
 from hrclog.planning.order import Ledger, possible_sequence
 from hrclog.planning.problem import Precedence, PrecedenceKind, Problem
 from hrclog.planning.provenance import (

@@ -13,9 +13,9 @@ from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, Event
 from hrclog.file_names import file_stem
 from hrclog.ids import derived_id
-from hrclog.log.decode import frame_of_rows
+from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_log
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted

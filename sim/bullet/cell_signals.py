@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from hrclog.arrays import FloatArray
-from hrclog.log.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal, Signal
+from hrclog.log.messages.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal, Signal
 from hrclog.sim.bullet.world import robot_urdf
 from hrclog.sim.cell.description import Cell, Point
 from hrclog.sim.cell.human_kinematics import HUMAN_JOINT_NAMES

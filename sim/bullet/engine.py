@@ -18,7 +18,7 @@ from hrclog.arrays import FloatArray
 from hrclog.errors import ScenarioError
 from hrclog.events import AnnotationAdded, SafetyStateChanged
 from hrclog.ids import Uuid7Generator
-from hrclog.log.encode import Signal
+from hrclog.log.messages.encode import Signal
 from hrclog.recorders.clock import Clock
 from hrclog.recorders.executors.protocol import Emit, Executor
 from hrclog.sim.bullet import human

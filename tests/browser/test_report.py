@@ -17,7 +17,7 @@ from hrclog.analyzers.figures.palette import DARK, LIGHT
 from hrclog.analyzers.report import save_report
 from hrclog.analyzers.report.document import Report
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 Open = Callable[..., Any]
 

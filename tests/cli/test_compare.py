@@ -14,7 +14,7 @@ from hrclog.analyzers.comparison.compare import TABLES
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 pytestmark = pytest.mark.slow
 

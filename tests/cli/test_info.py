@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
 
-from hrclog.log.describe import describe
+from hrclog.log.mcap.describe import describe
 from hrclog.recorders.recorder import Recorder
 
 Run = Callable[..., Any]

@@ -13,7 +13,7 @@ import pytest
 from kb_runs import run_of, state_at
 
 from hrclog.log.reader import read_events
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.planning.plan import write_plan
 from hrclog.sim.run import plan_of
 from hrclog.sim.scenario import load_scenario

@@ -12,10 +12,10 @@ import pytest
 
 from hrclog.event_rows import from_row
 from hrclog.events import Event, Outcome, TaskEnded, TaskStarted
-from hrclog.log.encode import event_message
-from hrclog.log.journal import Journal
+from hrclog.log.messages.encode import event_message
 from hrclog.log.reader import read_events
-from hrclog.log.writer import write_log
+from hrclog.log.writing.journal import Journal
+from hrclog.log.writing.writer import write_log
 from hrclog.planning.plan import check_plan, read_plan, write_plan
 from hrclog.planning.problem import Problem
 from hrclog.planning.run_state import run_state

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hrclog.cli.common import echo, echo_json, echo_lines
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 Run = Callable[..., Any]
 

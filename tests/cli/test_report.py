@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from hrclog.events import RunEnded, RunStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 Run = Callable[..., Any]
 

@@ -15,7 +15,7 @@ from hrclog.analyzers.prediction.held_out import FORECASTS, MAKESPANS
 from hrclog.analyzers.prediction.settings import SCORED
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS
 from hrclog.events import RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 pytestmark = pytest.mark.slow
 

@@ -21,7 +21,7 @@ import pytest
 from hrclog.analyzers.rerun import viewer
 from hrclog.analyzers.rerun.viewer import free_port
 from hrclog.events import Heartbeat, RunStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.recorders.recorder import Recorder
 
 Run = Callable[..., Any]

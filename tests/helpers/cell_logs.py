@@ -10,8 +10,8 @@ from typing import Any
 from scenes import ARM_URDF, cell_scene
 
 from hrclog.events import Event, RunEnded, RunStarted, SafetyStateChanged, TaskEnded, TaskStarted
-from hrclog.log.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal, Signal
-from hrclog.log.writer import write_log
+from hrclog.log.messages.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal, Signal
+from hrclog.log.writing.writer import write_log
 
 S = 1_000_000_000
 T0 = 1_700_000_000 * S

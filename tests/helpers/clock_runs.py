@@ -9,10 +9,10 @@ from typing import Any
 
 from hrclog.event_rows import to_row
 from hrclog.events import Event, RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.log.channels import EVENTS as EVENTS_CHANNEL
-from hrclog.log.encode import Message
-from hrclog.log.message import encode_row
-from hrclog.log.writer import write_atomically
+from hrclog.log.messages.channels import EVENTS as EVENTS_CHANNEL
+from hrclog.log.messages.encode import Message
+from hrclog.log.messages.message import encode_row
+from hrclog.log.writing.writer import write_atomically
 
 SECOND = 10**9
 BEGIN = 1_780_000_000 * SECOND

@@ -9,7 +9,7 @@ import polars as pl
 from hypothesis import strategies as st
 
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS
-from hrclog.log.decode import frame_of_rows
+from hrclog.log.messages.decode import frame_of_rows
 
 Row = dict[str, Any]
 

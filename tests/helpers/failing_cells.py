@@ -9,7 +9,7 @@ from pathlib import Path
 from interval_frames import Row, row
 
 from hrclog.events import Event, RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 SECOND = 1_000_000_000
 SCREW, SCAN, HOLD = ("human", "screw"), ("robot", "scan"), ("robot", "hold")

@@ -22,9 +22,9 @@ import polars as pl
 
 from hrclog.diagnostic import CODES
 from hrclog.errors import LogReadError
-from hrclog.log.journal import journal_path
 from hrclog.log.reader import Logs, read_logs
 from hrclog.log.recover import recover
+from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder
 
 ACKNOWLEDGED: Final = "acknowledged"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cells import HUMAN, ROBOT, small_cell, small_plan, small_scenario
 
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.sim.run import Run, simulate_run
 
 TASKS = (

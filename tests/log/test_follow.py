@@ -21,10 +21,10 @@ from scenes import ARM_URDF, cell_scene
 from hrclog.errors import LogReadError
 from hrclog.log import follow
 from hrclog.log.follow import JournalFollower, News, is_being_written
-from hrclog.log.journal import journal_path
+from hrclog.log.messages.recorded_scene import merged
 from hrclog.log.reader import read_log
-from hrclog.log.recorded_scene import merged
 from hrclog.log.watch import finished_log, list_folder
+from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder
 
 RECORDER = """

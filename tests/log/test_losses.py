@@ -14,18 +14,18 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
-import hrclog.log.writer
+import hrclog.log.writing.writer
 from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.errors import LogReadError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import AnnotationAdded, Event, Heartbeat, RunEnded, RunStarted
-from hrclog.log.encode import FloatSignal, event_message, signal_message
-from hrclog.log.journal import LIBRARY, Journal
 from hrclog.log.losses import RECOVERED
+from hrclog.log.mcap.records import Walk
+from hrclog.log.messages.encode import FloatSignal, event_message, signal_message
 from hrclog.log.reader import Logs, read_log, read_logs
-from hrclog.log.records import Walk
 from hrclog.log.recover import recover
-from hrclog.log.writer import write_log
+from hrclog.log.writing.journal import LIBRARY, Journal
+from hrclog.log.writing.writer import write_log
 
 N_EVENTS = 40
 CODE = "recovered_with_losses"
@@ -40,7 +40,7 @@ def events_of(run_id: str, n_events: int = N_EVENTS) -> list[Event]:
 @pytest.fixture
 def closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a closed log of two runs in many chunks."""
-    monkeypatch.setattr(hrclog.log.writer, "_CHUNK_SIZE", 1000)
+    monkeypatch.setattr(hrclog.log.writing.writer, "_CHUNK_SIZE", 1000)
     path = tmp_path / "run.mcap"
     write_log(path, [*events_of("a"), *events_of("b", 5)], [FloatSignal("a", "distance", i, 0.5) for i in range(60)])
     return path
@@ -188,7 +188,7 @@ def whole(folder: Path, *, is_journal: bool) -> bytes:
     events = events_of("a")
     if not is_journal:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(hrclog.log.writer, "_CHUNK_SIZE", 1000)
+            patch.setattr(hrclog.log.writing.writer, "_CHUNK_SIZE", 1000)
             write_log(folder / "whole.mcap", events, [FloatSignal("a", "distance", i, 0.5) for i in range(30)])
         return (folder / "whole.mcap").read_bytes()
     journal = Journal(folder / "whole")

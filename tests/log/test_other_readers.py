@@ -27,8 +27,8 @@ from scenes import ARM_URDF, cell_scene
 from hrclog.errors import LogReadError
 from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, FLOAT_COLUMNS, INT_COLUMNS, Event, Heartbeat
-from hrclog.log.channels import encode_pose, encode_string
-from hrclog.log.message import DEFINITION, TYPE_NAME, encode_row
+from hrclog.log.messages.channels import encode_pose, encode_string
+from hrclog.log.messages.message import DEFINITION, TYPE_NAME, encode_row
 from hrclog.log.reader import read_logs
 from hrclog.recorders.recorder import Recorder
 

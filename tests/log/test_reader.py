@@ -23,12 +23,12 @@ from hrclog.diagnostic import CODES, Diagnostic, loses_data
 from hrclog.errors import LogReadError
 from hrclog.event_rows import to_row
 from hrclog.events import Event, Heartbeat, RunEnded, RunStarted, TaskEnded, TaskStarted, UnknownEvent
-from hrclog.log.encode import event_message
-from hrclog.log.journal import Journal
-from hrclog.log.message import EVENTS
+from hrclog.log.messages.encode import event_message
+from hrclog.log.messages.message import EVENTS
 from hrclog.log.reader import ORDER, Logs, read_events, read_log, read_logs
 from hrclog.log.recover import recover
-from hrclog.log.writer import write_atomically, write_log
+from hrclog.log.writing.journal import Journal
+from hrclog.log.writing.writer import write_atomically, write_log
 
 RUN: list[Event] = [
     RunStarted(time_ns=0, run_id="r", name="run"),
@@ -342,7 +342,7 @@ def test_neither_order_nor_distribution_over_files_matters(tmp_path: Path, event
 
 
 def test_log_and_publish_times_do_not_matter(tmp_path: Path) -> None:
-    def fill(writer: hrclog.log.writer.FinishedWriter) -> None:
+    def fill(writer: hrclog.log.writing.writer.FinishedWriter) -> None:
         for event in NUMBERED:
             message = event_message(event, 10**18 - event.seq)
             writer.add(replace(message, publish_time=77))
@@ -375,7 +375,7 @@ def test_globs_and_folders_may_be_mixed_and_name_each_file_once(tmp_path: Path, 
 
 
 def test_signals_of_a_nameless_channel_belong_to_the_only_run(tmp_path: Path) -> None:
-    from hrclog.log.encode import FloatSignal
+    from hrclog.log.messages.encode import FloatSignal
 
     path = tmp_path / "a.mcap"
     write_log(path, RUN, [FloatSignal("", "distance", 3, 0.5)])

@@ -15,14 +15,14 @@ from mcap.writer import Writer
 from hrclog.diagnostic import loses_data
 from hrclog.errors import LogExistsError, LogReadError
 from hrclog.events import Heartbeat, RunStarted, TaskStarted
-from hrclog.log.encode import FloatSignal, event_message, run_metadata, signal_message
-from hrclog.log.indexed import read_indexed
-from hrclog.log.journal import Journal
-from hrclog.log.lanes import Lanes
+from hrclog.log.mcap.indexed import read_indexed
+from hrclog.log.mcap.streamed import read_streamed
+from hrclog.log.messages.encode import FloatSignal, event_message, run_metadata, signal_message
 from hrclog.log.reader import read_logs
 from hrclog.log.recover import finished_path, recover
-from hrclog.log.streamed import read_streamed
-from hrclog.log.writer import RUN_METADATA, write_log
+from hrclog.log.writing.journal import Journal
+from hrclog.log.writing.lanes import Lanes
+from hrclog.log.writing.writer import RUN_METADATA, write_log
 
 N_EVENTS = 22
 

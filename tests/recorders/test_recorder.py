@@ -26,10 +26,10 @@ from hrclog import Recorder, intervals
 from hrclog.errors import IllegalEventError, InvalidEventError, LogExistsError, LogReadError, LogWriteError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import Event, Heartbeat, RunEnded, TaskDispatched, TaskStarted
-from hrclog.log.encode import Message
-from hrclog.log.journal import Journal, journal_path
+from hrclog.log.mcap.records import Walk
+from hrclog.log.messages.encode import Message
 from hrclog.log.reader import Logs, read_logs
-from hrclog.log.records import Walk
+from hrclog.log.writing.journal import Journal, journal_path
 from hrclog.recorders.event_recorder import steady_clock
 from hrclog.state import Phase
 
@@ -683,7 +683,7 @@ def test_a_run_that_is_still_being_recorded_cannot_be_resumed(path: Path) -> Non
 
 
 def test_a_file_of_several_runs_cannot_be_resumed(path: Path) -> None:
-    hrclog.log.writer.write_log(path, [Heartbeat(time_ns=1, run_id="a"), Heartbeat(time_ns=1, run_id="b")])
+    hrclog.log.writing.writer.write_log(path, [Heartbeat(time_ns=1, run_id="a"), Heartbeat(time_ns=1, run_id="b")])
     with pytest.raises(LogReadError, match="found 2 runs, expected one run to continue"):
         Recorder(path, resume=True)
 

@@ -13,7 +13,7 @@ from folders import names_in
 from hrclog.errors import HrclogError, LogExistsError, OutputError, ScenarioError
 from hrclog.event_rows import from_row
 from hrclog.log.reader import read_events
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.planning.problem import Count, Problem, Task
 from hrclog.sim import campaign
 from hrclog.sim.bullet.observed import observed_truth

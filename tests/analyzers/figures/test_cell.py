@@ -19,7 +19,7 @@ from hrclog.analyzers.figures.series import signal_series
 from hrclog.analyzers.figures.thinning import worth_drawing
 from hrclog.analyzers.figures.urdf import drawable
 from hrclog.analyzers.projections.schemas import SIGNALS
-from hrclog.log.recorded_scene import POSE_COLUMNS, RunScene
+from hrclog.log.messages.recorded_scene import POSE_COLUMNS, RunScene
 from hrclog.scene import parse_scene, scene_text
 
 MS = 1_000_000

@@ -34,7 +34,7 @@ from hrclog.knowledge.records import in_order, versions
 from hrclog.knowledge.rows import frame_schema
 from hrclog.knowledge.tables import RESULT_ORDER, TASK_DURATIONS, TASK_RESULTS, TASK_SYNERGIES
 from hrclog.log.reader import read_events
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
 

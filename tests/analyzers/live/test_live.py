@@ -35,11 +35,11 @@ from hrclog.analyzers.projections.runs import runs
 from hrclog.analyzers.result import Analysis
 from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
-from hrclog.log.journal import journal_path
-from hrclog.log.message import EVENTS
+from hrclog.log.messages.message import EVENTS
+from hrclog.log.messages.signals import SIGNAL_COLUMNS
 from hrclog.log.reader import read_log
 from hrclog.log.recover import recover
-from hrclog.log.signals import SIGNAL_COLUMNS
+from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"

@@ -9,7 +9,7 @@ import pytest
 from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.result import Analysis
 from hrclog.events import AnnotationAdded, Event, RunEnded, RunStarted, TaskEnded, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 DAY_NS = 24 * 3600 * 10**9
 NOON = 1_700_000_000 * 10**9

@@ -13,7 +13,7 @@ from interval_frames import frame, row
 import hrclog
 from hrclog.analyzers.projections.frames import EVENTS_FRAME, INTERVALS_FRAME, SIGNALS_FRAME, FrameKind, check_frame
 from hrclog.analyzers.projections.schemas import DURATIONS, METRICS, OVERLAPS, SIGNALS
-from hrclog.log.message import EVENTS
+from hrclog.log.messages.message import EVENTS
 
 SAMPLE = Path(__file__).parents[3] / "sample_logs" / "campaign" / "paper_0000.mcap"
 INTERVALS_MADE = frame([row("human", "pick", 0, 5), row("robot", "place", 2, 7)])

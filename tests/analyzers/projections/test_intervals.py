@@ -20,7 +20,7 @@ from hrclog.errors import InvalidEventError
 from hrclog.event_rows import from_row
 from hrclog.events import Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted
 from hrclog.log.reader import ORDER, read_log
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.state import PLANNED, ExecutionState, apply
 
 Facts = dict[tuple[str, str], dict[str, Any]]

@@ -16,9 +16,9 @@ from hrclog.analyzers.analysis import analyze, analyze_logs
 from hrclog.analyzers.result import Analysis
 from hrclog.errors import HrclogError
 from hrclog.events import Event, RunEnded, RunStarted, SafetyStateChanged, TaskEnded, TaskStarted
-from hrclog.log.message import EVENTS
+from hrclog.log.messages.message import EVENTS
 from hrclog.log.reader import read_logs
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 
 Runs = dict[str, list[Event]]
 
@@ -165,8 +165,8 @@ def test_splitting_runs_into_segments_changes_nothing_but_the_paths(estimator: s
 def write_segment(path: Path, rows: pl.DataFrame) -> None:
     """Write events as they are, with the numbers that they have."""
     from hrclog.event_rows import from_row
-    from hrclog.log.encode import event_message
-    from hrclog.log.writer import write_atomically
+    from hrclog.log.messages.encode import event_message
+    from hrclog.log.writing.writer import write_atomically
 
     events = [from_row(row) for row in rows.iter_rows(named=True)]
     write_atomically(path, lambda writer: [writer.add(event_message(event, event.time_ns)) for event in events])

@@ -18,7 +18,7 @@ from hrclog.analyzers.projections.overlaps import overlaps, pair_overlaps, sweep
 from hrclog.analyzers.projections.schemas import OVERLAPS, PAIR_OVERLAPS
 from hrclog.event_rows import to_row
 from hrclog.events import TaskStarted
-from hrclog.log.decode import frame_of_rows
+from hrclog.log.messages.decode import frame_of_rows
 
 Pairs = dict[tuple[str, str, str], int]
 

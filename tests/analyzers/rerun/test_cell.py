@@ -18,9 +18,9 @@ from scenes import ARM_URDF, cell_scene
 from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.result import Analysis
 from hrclog.events import TaskStarted
-from hrclog.log import channels
-from hrclog.log.encode import Message, event_message
-from hrclog.log.writer import FinishedWriter, write_atomically
+from hrclog.log.messages import channels
+from hrclog.log.messages.encode import Message, event_message
+from hrclog.log.writing.writer import FinishedWriter, write_atomically
 
 pytestmark = pytest.mark.slow
 

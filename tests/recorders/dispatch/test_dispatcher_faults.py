@@ -26,7 +26,7 @@ from hrclog.events import (
     TaskStarted,
     event_on,
 )
-from hrclog.log.message import encode_row
+from hrclog.log.messages.message import encode_row
 from hrclog.planning.plan import Arrival, Plan, PlanItem
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy, OnFailure

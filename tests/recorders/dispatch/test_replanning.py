@@ -17,7 +17,7 @@ from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.errors import ScenarioError
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import Event, Outcome, PlanChanged, RunStarted, TaskDispatched, TaskEnded, TaskFact
-from hrclog.log.decode import frame_of_rows
+from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_events
 from hrclog.planning.dispatch_mode import DispatchMode
 from hrclog.planning.plan import Arrival, Plan, PlanItem, plan_of_value

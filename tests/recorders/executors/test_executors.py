@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from hrclog.errors import DispatchError, ScenarioError
 from hrclog.events import Event, Outcome, TaskDispatched, TaskEnded, TaskFact, TaskPaused, TaskResumed, TaskStarted
-from hrclog.log.writer import write_log
+from hrclog.log.writing.writer import write_log
 from hrclog.planning.plan import Plan
 from hrclog.recorders.dispatch.dispatcher import Dispatcher
 from hrclog.recorders.dispatch.policy import DispatchPolicy

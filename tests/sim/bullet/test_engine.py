@@ -23,7 +23,7 @@ from small_runs import digest, digests_of_small_runs, small_run
 from hrclog.arrays import BoolArray, FloatArray
 from hrclog.errors import ScenarioError
 from hrclog.events import AnnotationAdded, Outcome, SafetyStateChanged, TaskEnded, TaskPaused, TaskResumed, TaskStarted
-from hrclog.log.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal, Signal
+from hrclog.log.messages.encode import DescriptionSignal, FloatSignal, JointSignal, PoseSignal, SceneSignal, Signal
 from hrclog.sim.bullet.engine import cell_of, with_policy
 from hrclog.sim.bullet.human import standing
 from hrclog.sim.bullet.robot import make_arm

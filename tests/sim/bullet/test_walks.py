@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sizes import many
 
-from hrclog.log.encode import JointSignal
+from hrclog.log.messages.encode import JointSignal
 from hrclog.sim.bullet.engine import cell_of
 from hrclog.sim.run import simulate_run
 from hrclog.sim.scenario import load_scenario, scenario_names

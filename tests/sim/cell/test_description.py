@@ -11,7 +11,7 @@ from cells import cell_json, parsed, small_cell, small_scenario
 
 from hrclog.errors import ScenarioError
 from hrclog.json_record import JsonRecord
-from hrclog.log.encode import SceneSignal, signal_message
+from hrclog.log.messages.encode import SceneSignal, signal_message
 from hrclog.sim.bullet.cell_signals import scene_of
 from hrclog.sim.bullet.engine import with_policy
 from hrclog.sim.cell.description import Box, Fault, Pose, ProtectiveStop, Skill, Slot, Stand, check_policy

@@ -1,0 +1,163 @@
+"""Read one SQLite part of a ROS 2 bag, `.db3`, as what an MCAP file holds; the file itself is never written to."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+from mcap.records import Channel, Schema
+
+from hrclog.errors import LogReadError
+from hrclog.log.mcap.contents import Batch, Contents, Wanted, batch_of
+from hrclog.log.mcap.records import Problem
+from hrclog.wording import counted
+
+_SIDECARS: Final = ("-wal", "-journal")
+_BATCH_BYTES: Final = 1 << 22
+_INT64: Final = 2**63
+
+_Row = tuple[int, int, bytes]
+"""(topic, time in ns, message)."""
+
+
+Numbering = dict[str, int]
+"""How many messages of each topic the parts before have."""
+
+
+def read_database(path: Path, wanted: Wanted, content: bytes | None, numbering: Numbering) -> Contents:
+    """Read the messages of a part of a bag, as far as it is whole.
+
+    Args:
+        path: the file; a journal of SQLite beside it is taken into account.
+        wanted: says of a channel and its schema whether its messages are needed.
+        content: what the file holds, if it was compressed.
+        numbering: where the numbers of messages, which SQLite does not store, go on; the messages read are added.
+
+    Raises:
+        LogReadError: it cannot be opened, or is no part of a bag.
+    """
+    contents = Contents(finished=True)
+    try:
+        with _opened(path, content) as database:
+            _declare(database, contents, path)
+            _read_messages(database, contents, wanted, numbering)
+    except (sqlite3.Error, OSError, UnicodeDecodeError) as error:
+        description = f"an SQLite file that cannot be read ({error})"
+        raise LogReadError(path, description, "a part of a ROS 2 bag") from error
+    contents.problems += _missing_pages(path, content)
+    return contents
+
+
+@contextmanager
+def _opened(path: Path, content: bytes | None) -> Iterator[sqlite3.Connection]:
+    """Open a database for reading; one with a journal in a copy, as SQLite would write to it."""
+    with tempfile.TemporaryDirectory(prefix="hrclog-") as folder:
+        sidecars = [] if content is not None else [path.with_name(path.name + suffix) for suffix in _SIDECARS]
+        sidecars = [sidecar for sidecar in sidecars if sidecar.is_file()]
+        opened = path.absolute()
+        if sidecars or content is not None:
+            opened = Path(folder, "part.db3")
+            if content is None:
+                shutil.copyfile(path, opened)
+            else:
+                opened.write_bytes(content)
+            for sidecar in sidecars:
+                shutil.copyfile(sidecar, opened.with_name(opened.name + sidecar.name[len(path.name) :]))
+        options = "" if sidecars else "?mode=ro&immutable=1"
+        database = sqlite3.connect(f"file:{quote(str(opened))}{options}", uri=True)
+        try:
+            database.execute("PRAGMA trusted_schema = OFF")
+            database.execute("PRAGMA writable_schema = ON")  # else SQLite refuses a file that breaks off as a whole
+            database.text_factory = lambda text: text.decode(errors="replace")
+            yield database
+        finally:
+            database.close()
+
+
+def _declare(database: sqlite3.Connection, contents: Contents, path: Path) -> None:
+    tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not {"topics", "messages"} <= tables or not {"topic_id", "timestamp", "data"} <= _columns(database, "messages"):
+        raise LogReadError(path, "an SQLite file that is no part of a bag", "a log", "name a log or a bag")
+    definitions: dict[str, tuple[str, str]] = {}
+    if "message_definitions" in tables:
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        definitions = {str(name): (str(encoding), str(text)) for name, encoding, text in database.execute(query)}
+    for topic_id, name, kind, encoding in database.execute("SELECT id, name, type, serialization_format FROM topics"):
+        if not isinstance(topic_id, int):
+            continue
+        language, text = definitions.get(str(kind), ("", ""))
+        contents.schemas[topic_id] = Schema(id=topic_id, name=str(kind), encoding=language, data=text.encode())
+        contents.channels[topic_id] = Channel(topic_id, str(name), str(encoding), {}, topic_id)
+
+
+def _columns(database: sqlite3.Connection, table: str) -> set[str]:
+    return {name for (name,) in database.execute("SELECT name FROM pragma_table_info(?)", (table,))}
+
+
+def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wanted, numbering: Numbering) -> None:
+    ids = [channel.id for channel in contents.channels.values() if wanted(channel, contents.schemas[channel.schema_id])]
+    if not ids:
+        query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+        contents.counts = {int(topic_id): int(count) for topic_id, count in database.execute(query)}
+        return
+    batch_rows: list[_Row] = []
+    n_bytes, n_messages, n_odd = 0, 0, 0
+    topics = {channel.id: channel.topic for channel in contents.channels.values()}
+    marks = ", ".join("?" * len(ids))
+    query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY rowid"  # noqa: S608 - marks are question marks
+    try:
+        for topic_id, time_ns, data in database.execute(query, ids):
+            if not _is_message(time_ns, data):
+                n_odd += 1
+                continue
+            batch_rows.append((topic_id, time_ns, data))
+            n_messages += 1
+            n_bytes += len(data)
+            if n_bytes > _BATCH_BYTES:
+                contents.batches.append(_batch(batch_rows, topics, numbering))
+                batch_rows, n_bytes = [], 0
+    except sqlite3.Error as error:
+        text = f"the database is damaged ({error}) behind its first {counted(n_messages, 'message')} of our topics"
+        contents.problems.append(Problem("corrupt_data", 0, text))
+    if batch_rows:
+        contents.batches.append(_batch(batch_rows, topics, numbering))
+    if n_odd:
+        text = counted(n_odd, "row holds no message and was skipped", "rows hold no messages and were skipped")
+        contents.problems.append(Problem("corrupt_data", 0, text))
+
+
+def _is_message(time_ns: Any, data: Any) -> bool:  # noqa: ANN401 - SQLite's columns hold anything
+    return isinstance(data, bytes) and isinstance(time_ns, int) and -_INT64 <= time_ns < _INT64
+
+
+def _batch(rows: list[_Row], topics: Mapping[int, str], numbering: Numbering) -> Batch:
+    """Return rows as a batch, their numbers going on from those before."""
+    sequences: list[int] = []
+    for topic_id, _, _ in rows:
+        topic = topics[topic_id]
+        sequences.append(numbering.get(topic, 0))
+        numbering[topic] = sequences[-1] + 1
+    ids, times, messages = zip(*rows, strict=True)
+    return batch_of(ids, sequences, times, messages)
+
+
+def _missing_pages(path: Path, content: bytes | None) -> list[Problem]:
+    """Compare the length of the file with what its header says; 0 pages mean that an old SQLite wrote it."""
+    if content is None:
+        with path.open("rb") as stream:
+            head, size = stream.read(100), path.stat().st_size
+    else:
+        head, size = content[:100], len(content)
+    page_size, n_pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+    expected = (page_size if page_size > 1 else 1 << 16) * n_pages
+    is_current = head[24:28] == head[92:96]  # else the count of pages is not that of the last change
+    if size >= expected or not is_current:
+        return []
+    text = f"the database breaks off: {expected - size:,} of its {counted(expected, 'byte')} are missing"
+    return [Problem("truncated", size, text)]

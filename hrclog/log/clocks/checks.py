@@ -1,0 +1,196 @@
+"""Compare the clocks of a run's agents: event times against log times, agent by agent."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from hrclog.diagnostic import Diagnostic
+from hrclog.errors import InvalidEventError
+from hrclog.event_rows import parse_details
+from hrclog.events import CLOCK_SHIFT, LATEST_NS
+from hrclog.log.clocks.offsets import offset_text, seconds_text
+from hrclog.log.clocks.series import (
+    LEAST_NS,
+    RECORDER,
+    Series,
+    keeps_pace,
+    reference,
+    series_of,
+    timed,
+    tolerance_ns,
+    written_at_once,
+)
+from hrclog.log.clocks.steps import Step, steps, threshold_ns
+from hrclog.units import NS_PER_S
+from hrclog.wording import counted
+
+_SHIFTED_NS: Final = 10 * NS_PER_S  # less may be a delay that all agents share
+_DAY_NS: Final = 86_400 * NS_PER_S
+_MS: Final = 10**6
+
+
+def check_clocks(events: pl.DataFrame) -> list[Diagnostic]:
+    """Return what is doubtful about clocks, run by run.
+
+    Args:
+        events: an events frame.
+    """
+    resumed = _resumed(events)
+    if _all_go_together(events):
+        return resumed
+    runs = timed(_doubtful_runs(events)).partition_by("run_id", as_dict=True, maintain_order=True)
+    return [*resumed, *(finding for (run_id,), part in runs.items() for finding in _check_run(str(run_id), part))]
+
+
+def _all_go_together(events: pl.DataFrame) -> bool:
+    """Return whether event times and log times of all runs go together, as far as that is told at once."""
+    times, written = events["time_ns"], events["log_time_ns"]
+    bounds = (times.min(), times.max(), written.min(), written.max())
+    if not all(isinstance(bound, int) and abs(bound) <= LATEST_NS for bound in bounds):
+        return False
+    ahead = times - written
+    return _go_together(int(ahead.min()), int(ahead.max()))  # type: ignore[arg-type]  # int64 columns
+
+
+def _doubtful_runs(events: pl.DataFrame) -> pl.DataFrame:
+    """Return the events of runs whose event times and log times do not go together; there are few such runs."""
+    plausible = pl.all_horizontal(pl.col(name).is_between(-LATEST_NS, LATEST_NS) for name in ("time_ns", "log_time_ns"))
+    ahead = pl.when(plausible).then(pl.col("time_ns") - pl.col("log_time_ns"))
+    bounds = events.group_by("run_id").agg(ahead.min().alias("low"), ahead.max().alias("high")).drop_nulls()
+    doubtful = [run_id for run_id, low, high in bounds.iter_rows() if not _go_together(low, high)]
+    return events.filter(pl.col("run_id").is_in(doubtful))
+
+
+def _go_together(low: int, high: int) -> bool:
+    return high - low < LEAST_NS and max(-low, high) < _SHIFTED_NS
+
+
+def _check_run(run_id: str, run_events: pl.DataFrame) -> list[Diagnostic]:
+    path = str(run_events["path"][0])
+    series = series_of(run_events)
+    agents = [one for one in series if one.agent != RECORDER]
+    if not agents:
+        return []
+    if written_at_once(run_events) or not keeps_pace(series):
+        return [_written_afterwards(run_events, path, run_id)]
+    expected_ns = reference(series)
+    threshold = threshold_ns(series)
+    jumps = {one.agent: steps(one, threshold, expected_ns) for one in agents}
+    found = [_jump(agent, agent_jumps, path, run_id) for agent, agent_jumps in jumps.items() if agent_jumps]
+    steady = [one for one in series if not jumps.get(one.agent)]
+    unsteady = [one for one in agents if jumps[one.agent]]
+    return [*found, *_offsets(steady, unsteady, threshold, path, run_id)]
+
+
+def _written_afterwards(run_events: pl.DataFrame, path: str, run_id: str) -> Diagnostic:
+    times, written = (int(np.ptp(run_events[name].to_numpy())) for name in ("time_ns", "log_time_ns"))
+    spans = f"events span {times / NS_PER_S:.1f} s, their log times {written / NS_PER_S:.1f} s"
+    text = f"{spans}: they were written afterwards, or at another pace, so that clocks of agents cannot be compared"
+    return Diagnostic("log_times_untimely", text, path, run_id)
+
+
+def _offsets(
+    steady: Sequence[Series], unsteady: Sequence[Series], threshold: float, path: str, run_id: str
+) -> Iterator[Diagnostic]:
+    """Yield whose clock is off, or by how much all agents' times are ahead of log times alike.
+
+    Args:
+        steady: of the recorder, and of agents whose clocks did not step.
+        unsteady: of agents whose clocks did.
+        threshold: smallest size of a step, ns.
+        path: of the run.
+        run_id: of the run.
+    """
+    agents = [one for one in steady if one.agent != RECORDER]
+    if not steady:
+        return
+    common_ns = reference(agents if agents and _share_level(agents) else steady)
+    fellows = [one for one in steady if abs(one.level_ns - common_ns) <= LEAST_NS] or list(steady)
+    off = [one for one in agents if _is_off(one, fellows, common_ns)]
+    off += [one for one in unsteady if _is_off_throughout(one, common_ns, threshold)]
+    for one in sorted(off, key=lambda series: series.agent):
+        others = sorted((fellow.agent for fellow in fellows if fellow is not one), key=lambda name: (not name, name))
+        yield _offset(one, one.level_ns - common_ns, others, path, run_id)
+    if agents and abs(common_ns) > max(_SHIFTED_NS, *(tolerance_ns(fellow) for fellow in fellows)):
+        yield _shifted(common_ns, path, run_id)
+
+
+def _is_off(one: Series, fellows: Sequence[Series], common_ns: float) -> bool:
+    return abs(one.level_ns - common_ns) > min(tolerance_ns(one, fellow) for fellow in fellows)
+
+
+def _is_off_throughout(one: Series, common_ns: float, threshold: float) -> bool:
+    """Return whether nearly all batches are off to the same side, so that the clock is off besides its steps."""
+    low, high = np.quantile(one.ahead_ns, (0.1, 0.9)) - common_ns
+    return bool(low > threshold or high < -threshold)
+
+
+def _share_level(agents: Sequence[Series]) -> bool:
+    levels = [one.level_ns for one in agents]
+    return max(levels) - min(levels) <= tolerance_ns(*agents)
+
+
+def _offset(one: Series, off_ns: float, fellows: Sequence[str], path: str, run_id: str) -> Diagnostic:
+    offset_ns = round(off_ns / _MS) * _MS
+    others = ", ".join(repr(agent) if agent else "the recorder" for agent in fellows) or "the log"
+    option = shlex.quote(f"{one.agent}={offset_text(offset_ns)}")
+    direction = "ahead of" if offset_ns > 0 else "behind"
+    text = (
+        f"the clock of {one.agent!r} is off by {seconds_text(offset_ns)} s, {direction} {others} (event times against "
+        f"log times); --clock {option} corrects it"
+    )
+    return Diagnostic("clock_offset", text, path, run_id)
+
+
+def _shifted(common_ns: float, path: str, run_id: str) -> Diagnostic:
+    shift_ns = abs(round(common_ns / _MS) * _MS)
+    days = f" ({shift_ns / _DAY_NS:.1f} days)" if shift_ns > _DAY_NS else ""
+    direction = "later" if common_ns < 0 else "earlier"
+    text = f"log times are {seconds_text(shift_ns)[1:]} s{days} {direction} than event times, for all agents alike"
+    return Diagnostic("log_times_shifted", text, path, run_id)
+
+
+def _jump(agent: str, jumps: Sequence[Step], path: str, run_id: str) -> Diagnostic:
+    jump = max(jumps, key=lambda step: abs(step.size_ns))
+    size = seconds_text(round(jump.size_ns / _MS) * _MS)
+    often = "jumps" if len(jumps) == 1 else f"jumps {counted(len(jumps), 'time')}, farthest"
+    within = ", while an execution was open" if jump.within_execution else ""
+    text = (
+        f"the clock of {agent!r} {often} by {size} s between seq {jump.seq_before} and {jump.seq_after}{within} (event "
+        "times against log times): durations and overlaps across it are wrong; leave the run out"
+    )
+    return Diagnostic("clock_jump", text, path, run_id, jump.seq_after)
+
+
+def _resumed(events: pl.DataFrame) -> list[Diagnostic]:
+    """Say where a run went on after the recorder's clock had been put back."""
+    is_start = events["kind"] == "run_started"
+    if not events["details"].filter(is_start).str.contains(CLOCK_SHIFT, literal=True).any():
+        return []
+    columns = events.filter(is_start).select("details", "path", "run_id", "seq")
+    shifted = columns.filter(pl.col("details").str.contains(CLOCK_SHIFT, literal=True))
+    return [
+        Diagnostic(
+            "clock_put_back",
+            f"the recorder's clock was {seconds_text(shift_ns)[1:]} s behind the run's last event when it went on: "
+            "times from there on are shifted by that, and how long the run was interrupted is not known",
+            path,
+            run_id,
+            seq,
+        )
+        for details, path, run_id, seq in shifted.iter_rows()
+        if (shift_ns := _shift_of(details)) > 0
+    ]
+
+
+def _shift_of(details: str) -> int:
+    try:
+        shift_ns = parse_details(details).get(CLOCK_SHIFT, 0)
+    except InvalidEventError:
+        return 0
+    return shift_ns if isinstance(shift_ns, int) else 0

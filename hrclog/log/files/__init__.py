@@ -1,0 +1,1 @@
+"""Files as the operating system has them: found, locked, told apart by their first bytes, unpacked."""

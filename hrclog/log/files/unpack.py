@@ -1,0 +1,152 @@
+"""Undo the compression of whole files and of single messages, within bounds: a few KB may stand for gigabytes."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import zstandard
+
+from hrclog.errors import LogReadError
+from hrclog.log.files.formats import HEAD_BYTES, Format, recognise
+from hrclog.log.mcap.records import Problem
+from hrclog.wording import counted
+
+MOST_BYTES: Final = 1 << 31
+"""No file or message is unpacked to more."""
+
+_FREE_BYTES: Final = 1 << 26  # so much may come of any input, however small
+_MOST_TIMES: Final = 250  # logs compress to a fiftieth at best, bombs to less than a thousandth
+_PIECE: Final = 1 << 12  # bytes of input at a time: 4 KiB of zstd unpack to 128 MiB at most
+_LAYERS: Final = 2
+
+_Stream = Any  # a decompression object of zlib or zstandard: `decompress`, `eof` and `unused_data`
+_STREAMS: Final[dict[Format, Callable[[], _Stream]]] = {
+    Format.GZIP: lambda: zlib.decompressobj(zlib.MAX_WBITS | 16),
+    Format.ZSTD: lambda: zstandard.ZstdDecompressor().decompressobj(),
+}
+_DAMAGE: Final = (zlib.error, zstandard.ZstdError, MemoryError)
+
+
+class TooLargeError(ValueError):
+    """Unpacked data would exceed their bound."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unpacked:
+    """What came out, how many bytes of the input are in it, and what is wrong with the rest."""
+
+    data: bytes
+    n_read: int
+    trouble: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A file's kind and bytes, unpacked, and what could not be; `data` is empty where SQLite reads the file itself."""
+
+    kind: Format
+    data: bytes
+    problems: list[Problem]
+
+
+def bound(n_bytes: int) -> int:
+    """Return to how many bytes an input may unpack."""
+    return min(MOST_BYTES, max(_FREE_BYTES, _MOST_TIMES * n_bytes))
+
+
+def unpack(data: bytes, kind: Format, limit: int) -> Unpacked:
+    """Unpack one frame of zstd or gzip after the other, as far as they are whole.
+
+    Raises:
+        TooLargeError: more than `limit` bytes come out.
+    """
+    frames: list[bytes] = []
+    n_bytes, position = 0, 0
+    while position < len(data):
+        if position and recognise(data[position : position + HEAD_BYTES]) is not kind:
+            is_filled = not any(data[position:])  # some tools fill up with zeros
+            return Unpacked(b"".join(frames), position, "" if is_filled else "what follows is no frame")
+        frame = _frame(data, kind, position, limit - n_bytes)
+        frames.append(frame.data)
+        n_bytes += len(frame.data)
+        position = frame.n_read
+        if frame.trouble:
+            return Unpacked(b"".join(frames), position, frame.trouble)
+    return Unpacked(b"".join(frames), position)
+
+
+def _frame(data: bytes, kind: Format, begin: int, limit: int) -> Unpacked:
+    """Unpack the frame at `begin`; `n_read` counts from the start of the data."""
+    pieces: list[bytes] = []
+    n_bytes, position, stream = 0, begin, _STREAMS[kind]()
+    while not stream.eof:
+        if position >= len(data):
+            return Unpacked(b"".join(pieces), len(data), "its end is missing")
+        try:
+            piece = stream.decompress(data[position : position + _PIECE])
+        except _DAMAGE as error:
+            piece, position = _before_damage(data, kind, begin, position)
+            return Unpacked(b"".join([*pieces, piece]), position, str(error))
+        n_bytes += len(piece)
+        if n_bytes > limit:
+            raise TooLargeError(f"{counted(len(data), 'byte')} that unpack to more than {counted(limit, 'byte')}")
+        pieces.append(piece)
+        position = min(position + _PIECE, len(data))
+    return Unpacked(b"".join(pieces), position - len(stream.unused_data))
+
+
+def _before_damage(data: bytes, kind: Format, begin: int, piece_at: int) -> tuple[bytes, int]:
+    """Return what a damaged piece of a frame gives up to the damage, and where that is."""
+    stream = _STREAMS[kind]()
+    for at in range(begin, piece_at, _PIECE):
+        stream.decompress(data[at : at + _PIECE])
+    content: list[bytes] = []
+    for at in range(piece_at, len(data)):
+        try:
+            content.append(stream.decompress(data[at : at + 1]))
+        except _DAMAGE:
+            return b"".join(content), at
+    return b"".join(content), len(data)
+
+
+def load(path: Path) -> Loaded:
+    """Read a file and undo its compression.
+
+    Raises:
+        LogReadError: it cannot be opened, unpacks to too much, was compressed more than twice, or holds nothing that
+            can be unpacked.
+    """
+    try:
+        with path.open("rb", buffering=0) as stream:
+            kind = recognise(stream.read(HEAD_BYTES))
+            stream.seek(0)
+            data = b"" if kind is Format.SQLITE else stream.read()
+    except OSError as error:
+        raise LogReadError(path, f"a file that cannot be opened ({error.strerror})", "an event log") from error
+    problems: list[Problem] = []
+    for _ in range(_LAYERS):
+        if kind in _STREAMS:
+            unpacked = _unpack_file(path, data, kind)
+            problems += unpacked.problems
+            data, kind = unpacked.data, recognise(unpacked.data[:HEAD_BYTES])
+    if kind in _STREAMS:
+        raise LogReadError(path, f"a file compressed more than {_LAYERS} times", "a log", "unpack it first")
+    return Loaded(kind, data, problems)
+
+
+def _unpack_file(path: Path, data: bytes, kind: Format) -> Loaded:
+    try:
+        unpacked = unpack(data, kind, bound(len(data)))
+    except TooLargeError as error:
+        raise LogReadError(path, str(error), "a log", "unpack it yourself if it really is one") from error
+    if not unpacked.trouble:
+        return Loaded(kind, unpacked.data, [])
+    if not unpacked.data:
+        raise LogReadError(path, f"{kind.value} that cannot be unpacked ({unpacked.trouble})", "a whole file")
+    left = counted(len(data) - unpacked.n_read, "byte")
+    text = f"the compressed file is damaged ({unpacked.trouble}); its last {left} could not be unpacked"
+    return Loaded(kind, unpacked.data, [Problem("truncated", unpacked.n_read, text)])

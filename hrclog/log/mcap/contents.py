@@ -1,0 +1,146 @@
+"""What an MCAP file holds: its declarations, and its messages as arrays instead of one object each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import Final
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, Metadata, Schema
+
+from hrclog.arrays import IntArray
+from hrclog.log.mcap.records import Problem, Record, parse
+
+_JOINED_BYTES: Final = 1 << 22
+
+Wanted = Callable[[Channel, Schema | None], bool]
+"""Says of a channel and its schema whether its messages are needed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Messages that lie in one buffer, in the order in which they were written; arrays have shape (n,)."""
+
+    data: bytes
+    channel: IntArray
+    sequence: IntArray
+    log_time: IntArray
+    publish_time: IntArray
+    start: IntArray
+    end: IntArray
+
+
+def joined(batches: Iterable[Batch]) -> Iterator[Batch]:
+    """Yield the batches, small ones joined: decoding costs a fixed time per batch and little per message."""
+    pending: list[Batch] = []
+    size = 0
+    for batch in batches:
+        if pending and size + len(batch.data) > _JOINED_BYTES:
+            yield _join(pending)
+            pending, size = [], 0
+        pending.append(batch)
+        size += len(batch.data)
+    if pending:
+        yield _join(pending)
+
+
+def _join(batches: list[Batch]) -> Batch:
+    if len(batches) == 1:
+        return batches[0]
+    offsets = np.cumsum([0, *(len(batch.data) for batch in batches[:-1])])
+    columns = [
+        [batch.channel, batch.sequence, batch.log_time, batch.publish_time, batch.start + offset, batch.end + offset]
+        for batch, offset in zip(batches, offsets, strict=True)
+    ]
+    data = b"".join(batch.data for batch in batches)
+    return Batch(data, *(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
+
+
+def batch_of(
+    channel_ids: Sequence[int], sequences: Sequence[int], times_ns: Sequence[int], messages: Sequence[bytes]
+) -> Batch:
+    """Return messages that were read one by one as a batch; they were published when they were logged."""
+    channel, sequence, times = (np.array(numbers, np.int64) for numbers in (channel_ids, sequences, times_ns))
+    sizes = np.array([len(data) for data in messages], np.int64)
+    ends = np.cumsum(sizes)
+    return Batch(b"".join(messages), channel, sequence, times, times, ends - sizes, ends)
+
+
+class ForeignRecordError(ValueError):
+    """A record of another file: it declares an id that this file declares otherwise."""
+
+
+@dataclass(slots=True)
+class Contents:
+    """What a file holds.
+
+    Attributes:
+        problems: what is damaged, missing, doubled or of another file.
+        finished: whether the file has a footer.
+        counts: messages of each channel, also of those that were not read, where the file says or tells them.
+        unprotected: whether there are messages, and no checksum covers any of them.
+    """
+
+    header: Header | None = None
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: list[Metadata] = field(default_factory=list)
+    batches: list[Batch] = field(default_factory=list)
+    problems: list[Problem] = field(default_factory=list)
+    finished: bool = False
+    counts: Mapping[int, int] = field(default_factory=dict)
+    unprotected: bool = False
+
+    def topics(self) -> Counter[tuple[str, str]]:
+        """Return how many messages there are of each (topic, type)."""
+        counts = self.counts or Counter(chain.from_iterable(batch.channel.tolist() for batch in self.batches))
+        topics: Counter[tuple[str, str]] = Counter()
+        for channel in self.channels.values():
+            schema = self.schemas.get(channel.schema_id)
+            topics[channel.topic, schema.name if schema is not None else ""] += counts.get(channel.id, 0)
+        return topics
+
+    @property
+    def is_ours(self) -> bool:
+        """Return whether hrclog wrote the file."""
+        return self.header is not None and self.header.library.startswith("hrclog")
+
+    def keep(self, data: bytes, record: Record) -> None:
+        """Take in a header, schema, channel or metadata record; the first one that declares an id counts.
+
+        The first declaration lies in a chunk and is covered by its checksum, repetitions need not be.
+
+        Raises:
+            ForeignRecordError: it differs from the declaration that counts.
+            ValueError: the record is damaged.
+        """
+        match record[0]:
+            case Opcode.HEADER:
+                header = parse(Header, data, record)
+                self.header = self.header or header
+            case Opcode.SCHEMA:
+                schema = parse(Schema, data, record)
+                known = self.schemas.setdefault(schema.id, schema)
+                if known != schema:
+                    text = f"schema {schema.id} is declared as {schema.name!r}, and before as {known.name!r}"
+                    raise ForeignRecordError(f"{text}: records of another file")
+            case Opcode.CHANNEL:
+                channel = parse(Channel, data, record)
+                declared = self.channels.setdefault(channel.id, channel)
+                if declared != channel:
+                    text = f"channel {channel.id} is declared as {channel.topic!r}, and before as {declared.topic!r}"
+                    raise ForeignRecordError(f"{text}, or with other metadata: records of another file")
+            case Opcode.METADATA:
+                self.metadata.append(parse(Metadata, data, record))
+            case _:
+                pass
+
+
+def channel_counts(contents: Contents) -> dict[int, int]:
+    """Return how many messages were read, by channel."""
+    counts = np.bincount(np.concatenate([np.empty(0, np.int64), *(batch.channel for batch in contents.batches)]))
+    return {int(channel): int(counts[channel]) for channel in np.flatnonzero(counts)}

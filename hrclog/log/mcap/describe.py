@@ -1,0 +1,396 @@
+"""Describe any MCAP file, whatever it carries: declarations, counts, times, chunks, indexes, checksums."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
+
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Footer, Statistics
+
+from hrclog.log.mcap.contents import Contents
+from hrclog.log.mcap.records import MAGIC, Problem, Record, Span, Walk, expand, next_chunk, parse, record_at
+
+_MESSAGE: Final = struct.Struct("<HIQ")  # channel, sequence, log time
+_MESSAGE_HEAD: Final = 22  # bytes
+_CHUNK: Final = struct.Struct("<QQQII")  # start and end time, uncompressed size, CRC, length of the name
+_INDEX: Final = struct.Struct("<HI")  # channel, bytes of entries
+_INDEX_ENTRY: Final = 16  # bytes
+_TIMES: Final = struct.Struct("<QQ")  # log time, creation time
+_SIZE: Final = struct.Struct("<I")
+_LONG_SIZE: Final = struct.Struct("<Q")
+_INDEXES: Final = {
+    Opcode.CHUNK_INDEX: "chunk",
+    Opcode.MESSAGE_INDEX: "message",
+    Opcode.ATTACHMENT_INDEX: "attachment",
+    Opcode.METADATA_INDEX: "metadata",
+    Opcode.SUMMARY_OFFSET: "summary_offset",
+}
+_KNOWN: Final = {int(opcode) for opcode in Opcode}
+
+
+@dataclass(frozen=True, slots=True)
+class SchemaFacts:
+    """A schema; `definition` is None where it is no UTF-8 text."""
+
+    id: int
+    name: str
+    encoding: str
+    n_bytes: int
+    definition: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFacts:
+    """A channel and how many messages it has; `schema` is None where it has none."""
+
+    id: int
+    topic: str
+    schema_id: int
+    schema: str | None
+    schema_encoding: str | None
+    message_encoding: str
+    metadata: dict[str, str]
+    n_messages: int
+
+
+@dataclass(frozen=True, slots=True)
+class AttachmentFacts:
+    """An attachment, without its data."""
+
+    name: str
+    media_type: str
+    n_bytes: int
+    log_time_ns: int
+    create_time_ns: int
+    offset: int
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class MetadataFacts:
+    """A metadata record."""
+
+    name: str
+    values: dict[str, str]
+    offset: int
+    length: int
+
+
+@dataclass(slots=True)
+class ChunkFacts:
+    """All chunks together; `compression` counts them by method, "" is none."""
+
+    n: int = 0
+    n_with_checksum: int = 0
+    compression: dict[str, int] = field(default_factory=dict)
+    compressed_bytes: int = 0
+    uncompressed_bytes: int = 0
+
+
+@dataclass(slots=True)
+class SummaryFacts:
+    """What stands behind the data: where (0 is nowhere), its checksum (0 is none), and what it repeats."""
+
+    start: int = 0
+    offset_start: int = 0
+    crc: int = 0
+    n_schemas: int = 0
+    n_channels: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What a file is.
+
+    Counts and times are those of its messages. `statistics` is what the file says of itself, None if it does not.
+    """
+
+    profile: str
+    library: str
+    closed: bool
+    n_messages: int
+    n_unchunked_messages: int
+    start_ns: int | None
+    end_ns: int | None
+    channels: list[ChannelFacts]
+    schemas: list[SchemaFacts]
+    chunks: ChunkFacts
+    indexes: dict[str, int]
+    summary: SummaryFacts
+    data_crc: int
+    statistics: dict[str, Any] | None
+    attachments: list[AttachmentFacts]
+    metadata: list[MetadataFacts]
+    undeclared_channels: dict[int, int]
+    """Messages on channels that are nowhere declared, by the channel's id."""
+    other_records: dict[int, int]
+    """Records that the format leaves to others, by opcode."""
+    problems: list[Problem]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the description as JSON holds it; `problems` are told as diagnostics."""
+        document = asdict(self)
+        del document["problems"]
+        return document
+
+
+def describe(data: bytes) -> Description | None:
+    """Return what a file is, None if it is no MCAP file."""
+    begin = len(MAGIC) if data.startswith(MAGIC) else next_chunk(data, 0, len(data), len(data))
+    return None if begin is None else _Describer(data).describe(begin)
+
+
+class _Tally:
+    """Messages by channel, and their span of time."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[int] = Counter()
+        self.start: int | None = None
+        self.end: int | None = None
+
+    def add(self, channel: int, log_time: int) -> None:
+        self.counts[channel] += 1
+        self.span(log_time, log_time)
+
+    def span(self, start: int, end: int) -> None:
+        self.start = start if self.start is None else min(self.start, start)
+        self.end = end if self.end is None else max(self.end, end)
+
+
+class _Describer:
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._contents = Contents()
+        self._problems: list[Problem] = []
+        self._loose = _Tally()  # messages outside of chunks
+        self._listed = _Tally()  # messages in chunks, as message indexes and the heads of chunks list them
+        self._chunk_records: list[Record] = []
+        self._chunks = ChunkFacts()
+        self._summary = SummaryFacts()
+        self._statistics: Statistics | None = None
+        self._data_crc = 0
+        self._behind_data = False
+        self._indexes: Counter[str] = Counter()
+        self._attachments: list[AttachmentFacts] = []
+        self._metadata: list[MetadataFacts] = []
+        self._others: Counter[int] = Counter()
+
+    def describe(self, begin: int) -> Description:
+        walk = Walk(self._data, self._problems, begin)
+        for record in walk:
+            try:
+                self._take(record)
+            except ValueError as error:
+                walk.distrust(record, str(error))
+        tally = self._listed_messages() or self._counted_messages()
+        header = self._contents.header
+        return Description(
+            profile=header.profile if header else "",
+            library=header.library if header else "",
+            closed=self._contents.finished,
+            n_messages=tally.counts.total(),
+            n_unchunked_messages=self._loose.counts.total(),
+            start_ns=tally.start,
+            end_ns=tally.end,
+            channels=self._channel_facts(tally.counts),
+            schemas=self._schema_facts(),
+            chunks=self._chunks,
+            indexes={name: self._indexes[name] for name in _INDEXES.values()},
+            summary=self._summary,
+            data_crc=self._data_crc,
+            statistics=asdict(self._statistics) if self._statistics else None,
+            attachments=self._attachments,
+            metadata=self._metadata,
+            undeclared_channels={
+                channel: n for channel, n in sorted(tally.counts.items()) if channel not in self._contents.channels
+            },
+            other_records=dict(sorted(self._others.items())),
+            problems=self._problems,
+        )
+
+    def _take(self, record: Record) -> None:
+        opcode = record[0]
+        if opcode in _INDEXES:
+            self._take_index(record)
+        elif opcode not in _KNOWN:
+            self._others[opcode] += 1
+        else:
+            self._take_content(record)
+
+    def _take_content(self, record: Record) -> None:
+        match record[0]:
+            case Opcode.CHUNK:
+                self._take_chunk_head(record)
+            case Opcode.MESSAGE:
+                self._loose.add(*_channel_and_time(self._data, record))
+            case Opcode.ATTACHMENT:
+                self._attachments.append(_attachment(self._data, record))
+            case Opcode.METADATA:
+                self._contents.keep(self._data, record)
+                kept = self._contents.metadata[-1]
+                at = record[1], record[3] - record[1]
+                self._metadata.append(MetadataFacts(kept.name, dict(kept.metadata), *at))
+            case Opcode.STATISTICS:
+                self._statistics = parse(Statistics, self._data, record)
+            case Opcode.DATA_END:
+                self._behind_data = True
+                self._data_crc = parse(DataEnd, self._data, record).data_section_crc
+            case Opcode.FOOTER:
+                self._take_footer(parse(Footer, self._data, record))
+            case _:
+                self._contents.keep(self._data, record)
+                self._summary.n_schemas += self._behind_data and record[0] == Opcode.SCHEMA
+                self._summary.n_channels += self._behind_data and record[0] == Opcode.CHANNEL
+
+    def _take_footer(self, footer: Footer) -> None:
+        self._contents.finished = True
+        self._summary.start, self._summary.offset_start = footer.summary_start, footer.summary_offset_start
+        self._summary.crc = footer.summary_crc
+
+    def _take_index(self, record: Record) -> None:
+        self._indexes[_INDEXES[Opcode(record[0])]] += 1
+        if record[0] == Opcode.MESSAGE_INDEX and self._chunk_records:
+            channel, n_messages = _indexed(self._data, record)
+            if n_messages:
+                self._listed.counts[channel] += n_messages
+                self._listed.span(*_CHUNK.unpack_from(self._data, self._chunk_records[-1][2])[:2])
+
+    def _take_chunk_head(self, chunk: Record) -> None:
+        start, end = chunk[2:]
+        if end - start < _CHUNK.size + _LONG_SIZE.size:
+            raise ValueError("a chunk is too short for its header")
+        _, _, size, crc, name_size = _CHUNK.unpack_from(self._data, start)
+        name_end = start + _CHUNK.size + name_size
+        if name_end + _LONG_SIZE.size > end:
+            raise ValueError("a chunk's sizes do not fit into it")
+        name = self._data[start + _CHUNK.size : name_end].decode(errors="replace")
+        self._chunk_records.append(chunk)
+        self._chunks.n += 1
+        self._chunks.n_with_checksum += crc != 0
+        self._chunks.compression[name] = self._chunks.compression.get(name, 0) + 1
+        self._chunks.compressed_bytes += _LONG_SIZE.unpack_from(self._data, name_end)[0]
+        self._chunks.uncompressed_bytes += size
+
+    def _listed_messages(self) -> _Tally | None:
+        """Return the messages as indexes and statistics count them, None where these do not agree in everything."""
+        statistics, contents = self._statistics, self._contents
+        if statistics is None or self._problems or not contents.finished:
+            return None
+        tally = _merged(self._loose, self._listed)
+        stated = Counter({channel: n for channel, n in statistics.channel_message_counts.items() if n})
+        span = (statistics.message_start_time, statistics.message_end_time)
+        agree = (
+            tally.counts == stated
+            and tally.counts.total() == statistics.message_count
+            and (tally.start or 0, tally.end or 0) == span
+            and len(contents.channels) == statistics.channel_count
+            and len(contents.schemas) == statistics.schema_count
+            and self._chunks.n == statistics.chunk_count
+        )
+        return tally if agree else None
+
+    def _counted_messages(self) -> _Tally:
+        """Return the messages as they lie in the chunks."""
+        inside = _Tally()
+        for chunk in self._chunk_records:
+            try:
+                self._count(expand(self._data, chunk), inside)
+            except ValueError as error:
+                self._problems.append(Problem("corrupt_data", chunk[1], str(error)))
+        return _merged(self._loose, inside)
+
+    def _count(self, span: Span, tally: _Tally) -> None:
+        buffer, position, end = span
+        while position < end:
+            record = record_at(buffer, position, end)
+            if record is None:
+                raise ValueError("a chunk holds bytes that are no record")
+            if record[0] == Opcode.MESSAGE:
+                tally.add(*_channel_and_time(buffer, record))
+            elif record[0] in _KNOWN:
+                self._contents.keep(buffer, record)
+            else:
+                self._others[record[0]] += 1
+            position = record[3]
+
+    def _channel_facts(self, counts: Counter[int]) -> list[ChannelFacts]:
+        facts: list[ChannelFacts] = []
+        for number, channel in sorted(self._contents.channels.items()):
+            schema = self._contents.schemas.get(channel.schema_id)
+            facts.append(
+                ChannelFacts(
+                    id=number,
+                    topic=channel.topic,
+                    schema_id=channel.schema_id,
+                    schema=schema.name if schema else None,
+                    schema_encoding=schema.encoding if schema else None,
+                    message_encoding=channel.message_encoding,
+                    metadata=dict(channel.metadata),
+                    n_messages=counts[number],
+                )
+            )
+        return facts
+
+    def _schema_facts(self) -> list[SchemaFacts]:
+        return [
+            SchemaFacts(number, schema.name, schema.encoding, len(schema.data), _text(schema.data))
+            for number, schema in sorted(self._contents.schemas.items())
+        ]
+
+
+def _merged(first: _Tally, second: _Tally) -> _Tally:
+    merged = _Tally()
+    merged.counts = first.counts + second.counts
+    for tally in (first, second):
+        if tally.start is not None and tally.end is not None:
+            merged.span(tally.start, tally.end)
+    return merged
+
+
+def _channel_and_time(data: bytes, record: Record) -> tuple[int, int]:
+    if record[3] - record[2] < _MESSAGE_HEAD:
+        raise ValueError("a message is shorter than its header")
+    channel, _, log_time = _MESSAGE.unpack_from(data, record[2])
+    return channel, log_time
+
+
+def _indexed(data: bytes, record: Record) -> tuple[int, int]:
+    """Return channel and count of a message index."""
+    if record[3] - record[2] < _INDEX.size:
+        raise ValueError("a message index is too short")
+    channel, size = _INDEX.unpack_from(data, record[2])
+    if record[2] + _INDEX.size + size > record[3]:
+        raise ValueError("a message index is too short")
+    return channel, size // _INDEX_ENTRY
+
+
+def _attachment(data: bytes, record: Record) -> AttachmentFacts:
+    """Return the facts of an attachment without a copy of its data.
+
+    Raises:
+        ValueError: its sizes do not fit into it.
+    """
+    at, end = record[2] + _TIMES.size, record[3]
+    texts: list[str] = []
+    for _ in range(2):
+        size = _SIZE.unpack_from(data, at)[0] if at + _SIZE.size <= end else end
+        if at + _SIZE.size + size > end:
+            raise ValueError("an Attachment record is damaged")
+        texts.append(data[at + _SIZE.size : at + _SIZE.size + size].decode())
+        at += _SIZE.size + size
+    n_bytes = _LONG_SIZE.unpack_from(data, at)[0] if at + _LONG_SIZE.size <= end else end
+    if at + _LONG_SIZE.size + n_bytes + _SIZE.size > end:
+        raise ValueError("an Attachment record is damaged")
+    log_time, create_time = _TIMES.unpack_from(data, record[2])
+    name, media_type = texts
+    return AttachmentFacts(name, media_type, n_bytes, log_time, create_time, record[1], end - record[1])
+
+
+def _text(data: bytes) -> str | None:
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return None

@@ -1,0 +1,1 @@
+"""Messages and what they mean: events, signals and scenes, encoded and decoded."""

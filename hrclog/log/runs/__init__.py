@@ -1,0 +1,1 @@
+"""Which run events belong to that name none."""

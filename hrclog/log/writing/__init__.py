@@ -1,0 +1,1 @@
+"""Logs as they are written: the crash-safe journal, and the finished log."""
