@@ -7,12 +7,14 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
+from warm import warm_hrclog
 
 from hrclog.analyzers.projections import schemas
 from hrclog.analyzers.search.methods import METHODS
@@ -87,18 +89,26 @@ def workplace(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def environment() -> dict[str, str]:
-    return os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "110"}
+@pytest.fixture(scope="module")
+def programs() -> Iterator[str]:
+    """Return the value of PATH; but for HRCLOG_FUZZ, `hrclog` is there without the time that its imports take."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    if os.environ.get("HRCLOG_FUZZ"):
+        yield path
+        return
+    with warm_hrclog() as folder:
+        yield f"{folder}{os.pathsep}{path}"
 
 
-def execute(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+def execute(command: list[str], folder: Path, programs: str) -> subprocess.CompletedProcess[str]:
     streams = {"capture_output": True, "text": True, "stdin": subprocess.DEVNULL}
-    return subprocess.run(command, cwd=folder, env=environment(), check=False, **streams)
+    environment = os.environ | {"PATH": programs, "COLUMNS": "110"}
+    return subprocess.run(command, cwd=folder, env=environment, check=False, **streams)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_every_console_example_runs_and_prints_what_the_page_shows(page: Path, workplace: Path) -> None:
+def test_every_console_example_runs_and_prints_what_the_page_shows(page: Path, workplace: Path, programs: str) -> None:
     folder = workplace / "sample_logs" if page.parent.name == "sample_logs" else workplace
     left_out = 0
     for language, block in blocks(page):
@@ -107,13 +117,13 @@ def test_every_console_example_runs_and_prints_what_the_page_shows(page: Path, w
             continue
         if language == "console":
             for step in steps(block):
-                done = execute(["bash", "-c", step.command], folder)
+                done = execute(["bash", "-c", step.command], folder, programs)
                 assert done.returncode == step.code, f"{page.name}: {step.command}\n{done.stdout}{done.stderr}"
                 if any(line.strip() for line in step.output):
                     assert matches(step.output, done.stdout.splitlines()), f"{step.command}\n{done.stdout}"
         elif language == "python":
             (folder / "example.py").write_text(block, encoding="utf-8")
-            done = execute([sys.executable, "-W", "error", "example.py"], folder)
+            done = execute([sys.executable, "-W", "error", "example.py"], folder, programs)
             assert done.returncode == 0, f"{page.name}:\n{block}\n{done.stderr}"
     if left_out:
         pytest.skip(f"{left_out} examples need PyBullet, which is not installed; the others ran")
