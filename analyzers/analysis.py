@@ -44,13 +44,13 @@ def analyze(
         seed: of the resampling.
         workers: processes for the resampling.
         on_draws: called with the number of further draws done, for progress.
-        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
+        clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
 
     Raises:
         PluginError: the estimator or outlier method is not known.
         EstimatorError: the estimator failed, or returned no fit.
         LogReadError: nothing matched, or no file could be read.
-        HrclogError: no event names an agent of `clocks`.
+        HrclogError: no event names an agent of `clocks`, or an offset is none.
     """
     names = _check_names(estimator, outliers)  # before the logs are read
     paths = [paths] if isinstance(paths, str | Path) else paths

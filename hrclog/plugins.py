@@ -72,6 +72,8 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises:
             PluginError: there is none, or it cannot be imported or is of another kind.
         """
+        if not isinstance(name, str):
+            raise PluginError(f"{self.kind} is {name!r}, expected the name of one, or package.module:NAME")
         if name not in self._loaded:
             self._load(name)
         return self._loaded[name]

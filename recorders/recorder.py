@@ -233,8 +233,8 @@ class Recorder(EventRecorder):
 
     def signal(self, name: str, value: float, *, time_ns: int | None = None) -> None:
         """Record a sample of a scalar signal."""
-        if not name.strip():
-            raise InvalidEventError(f"{self.path}: found a signal without a name, expected one")
+        if not isinstance(name, str) or not name.strip():
+            raise InvalidEventError(f"{self.path}: found {name!r} as the name of a signal, expected a text")
         self._sample(FloatSignal(self.run_id, name, instant(time_ns), _number(value)))
 
     def joints(

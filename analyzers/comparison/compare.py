@@ -116,6 +116,7 @@ def compare(
     """
     if bootstrap < 0 or bootstrap == 1:
         raise HrclogError(f"the number of bootstrap draws is {bootstrap}, expected at least 2, or 0 for no intervals")
+    _check_analysed(a, b)
     if (a.estimator, a.outliers) != (b.estimator, b.outliers):
         methods = " and ".join(f"{side.estimator} with outliers {side.outliers}" for side in (a, b))
         raise HrclogError(f"the sides were analysed by {methods}, expected the same for both; analyse them alike")
@@ -148,6 +149,14 @@ def compare(
         bootstrap=bootstrap,
         seed=seed,
     )
+
+
+def _check_analysed(*sides: object) -> None:
+    for side in sides:
+        if not isinstance(side, Analysis):
+            raise HrclogError(
+                f"compare: found {side!r}, expected what `analyze` returns: compare(analyze(A), analyze(B))"
+            )
 
 
 def _side(analysis: Analysis, name: str) -> Side:

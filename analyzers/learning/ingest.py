@@ -54,11 +54,11 @@ def ingest_logs(
         kb: the knowledge base.
         paths: what to read; the segments of a run belong together in one call.
         on_file: called after each file, for progress.
-        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
+        clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
 
     Raises:
         LogReadError: nothing matched, or no file could be read.
-        HrclogError: no event names an agent of `clocks`.
+        HrclogError: no event names an agent of `clocks`, or an offset is none.
         KnowledgeError: the database fails.
     """
     logs = read_logs(paths, on_file=on_file, clocks=clocks)
@@ -135,7 +135,7 @@ def rebuild(
 
     Raises:
         LogReadError: nothing matched, or no file could be read.
-        HrclogError: no event names an agent of `clocks`.
+        HrclogError: no event names an agent of `clocks`, or an offset is none.
         KnowledgeError: the database fails; nothing has changed then.
     """
     logs = read_logs(paths, on_file=on_file, clocks=clocks)

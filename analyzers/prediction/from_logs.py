@@ -45,7 +45,7 @@ def score(
         seed: of the folds.
         static: do not learn from test runs that have ended.
         transfer_deviation: with `static`, standard deviation of log durations between sessions, if it is known.
-        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
+        clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
 
     Raises:
         PluginError: an estimator is not known.

@@ -67,11 +67,11 @@ def read_logs(
         arguments: what to read.
         signals: also read scalar and joint signals, and what was recorded of the scene.
         on_file: called after each file, for progress.
-        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
+        clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
 
     Raises:
         LogReadError: nothing matched, or no file could be read at all.
-        HrclogError: no event names an agent of `clocks`.
+        HrclogError: no event names an agent of `clocks`, or an offset is none.
     """
     arguments = _listed(arguments)
     paths = _find_paths(arguments)
@@ -91,7 +91,7 @@ def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO
 
     Args:
         paths: what to read.
-        clocks: by agent, how far its clock is ahead, ns; that is taken off the times of its events.
+        clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
 
     Returns:
         One row per event with the columns of `hrclog.log.messages.message.EVENTS`; instants in ns on the recorder's
@@ -99,7 +99,7 @@ def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO
 
     Raises:
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
-        HrclogError: no event names an agent of `clocks`.
+        HrclogError: no event names an agent of `clocks`, or an offset is none.
     """
     parts, failures = _read_all(_find_paths(_listed(paths)))
     if failures:
@@ -117,7 +117,7 @@ def _listed(arguments: object) -> list[str | Path]:
     paths: list[str | Path] = []
     for entry in entries:
         if not isinstance(entry, str | Path):
-            shown = f"{entry!r} " if entry is None or isinstance(entry, int | float) else ""
+            shown = f"{entry!r} " if entry is None or isinstance(entry, int | float) else "something "
             raise LogReadError(
                 "logs", f"{shown}of type {type(entry).__name__}", "paths, folders or globs of .mcap files"
             )

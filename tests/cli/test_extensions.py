@@ -284,3 +284,9 @@ def test_events_that_an_importer_cannot_mean_are_one_clear_error(
     with pytest.raises(ImportDataError, match=message):
         import_files(Odd(), [tmp_path / "a.csv"], tmp_path / "logs")
     assert not (tmp_path / "logs").exists()
+
+
+@pytest.mark.parametrize("estimator", [None, 5, hrclog.Estimator])
+def test_an_estimator_is_named(estimator: object) -> None:
+    with pytest.raises(PluginError, match=r"expected the name of one, or package\.module:NAME"):
+        hrclog.analyze(SAMPLES / "failures.mcap", estimator=estimator)  # type: ignore[arg-type]  # what a user may try

@@ -12,12 +12,12 @@ from hrclog.arrays import IntArray
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
 from hrclog.events import LATEST_NS
-from hrclog.log.clocks.offsets import offset_text
+from hrclog.log.clocks.offsets import checked_offset, offset_text
 from hrclog.log.clocks.series import LEAST_NS, RECORDER, Series, reference, series_of, timed, tolerance_ns
 from hrclog.wording import counted
 
-Clocks = Mapping[str, int]
-"""By agent, how far its clock is ahead, ns."""
+Clocks = Mapping[str, int | str]
+"""By agent, how far its clock is ahead: ns, or a text such as +3600s."""
 
 NO_CLOCKS: Final[Clocks] = {}
 
@@ -32,10 +32,10 @@ def on_one_clock(events: pl.DataFrame, clocks: Clocks = NO_CLOCKS) -> tuple[pl.D
 
     Args:
         events: an events frame.
-        clocks: by agent, how far its clock is ahead, ns.
+        clocks: by agent, how far its clock is ahead, ns or a text.
 
     Raises:
-        HrclogError: no event names such an agent.
+        HrclogError: no event names such an agent, or an offset is none.
     """
     corrected, told = _as_told(events, clocks)
     synced, found = _as_synced(corrected, clocks)
@@ -44,7 +44,7 @@ def on_one_clock(events: pl.DataFrame, clocks: Clocks = NO_CLOCKS) -> tuple[pl.D
 
 def _as_told(events: pl.DataFrame, clocks: Clocks) -> tuple[pl.DataFrame, list[Diagnostic]]:
     diagnostics: list[Diagnostic] = []
-    for agent, offset_ns in sorted(clocks.items()):
+    for agent, offset_ns in sorted((str(agent), _offset_ns(agent, offset)) for agent, offset in clocks.items()):
         is_theirs = (pl.col("agent") == agent) & _on_agents_clock()
         count = events.filter(is_theirs).height
         if not count or not agent:
@@ -55,6 +55,13 @@ def _as_told(events: pl.DataFrame, clocks: Clocks) -> tuple[pl.DataFrame, list[D
         events = events.with_columns(pl.when(is_theirs).then(pl.col("time_ns") - offset_ns).otherwise("time_ns"))
         diagnostics.append(_corrected(agent, offset_ns, count, "as --clock says"))
     return events, diagnostics
+
+
+def _offset_ns(agent: str, offset: int | str) -> int:
+    try:
+        return checked_offset(offset)
+    except ValueError as error:
+        raise HrclogError(f"clock of {agent!r}: {error}") from error
 
 
 def _on_agents_clock() -> pl.Expr:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from decimal import Decimal
-from typing import Final
+from operator import index
+from typing import Final, SupportsIndex
 
 from hrclog.units import NS_PER_S
 
@@ -38,6 +39,19 @@ def parse_offset(text: str) -> int:
     if offset_ns > _LARGEST_NS:
         raise ValueError(f"found {text!r}, expected less than 73 years")
     return -offset_ns if sign == "-" else offset_ns
+
+
+def checked_offset(offset: object) -> int:
+    """Return an offset in ns that a caller gave as that, or as a text.
+
+    Raises:
+        ValueError: it is neither, or more than 73 years.
+    """
+    if isinstance(offset, str):
+        return parse_offset(offset)
+    if not isinstance(offset, SupportsIndex) or isinstance(offset, bool) or abs(index(offset)) > _LARGEST_NS:
+        raise ValueError(f"found {offset!r}, expected whole ns within 73 years, or {OFFSET_FORM}")
+    return index(offset)
 
 
 def offset_text(offset_ns: int) -> str:

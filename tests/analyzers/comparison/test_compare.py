@@ -454,3 +454,8 @@ def test_progress_is_told_as_the_draws_of_both_sides_are_done() -> None:
     a, b = (analysed(rows) for rows in two_sides(20))
     compare(a, b, bootstrap=2, on_draws=told.append)
     assert told == [2, 2]
+
+
+def test_paths_are_no_analyses() -> None:
+    with pytest.raises(HrclogError, match=r"found 'monday', expected what `analyze` returns"):
+        compare("monday", "tuesday")  # type: ignore[arg-type]  # what a user may try

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hrclog.log.clocks.offsets import offset_text, parse_offset
+from hrclog.log.clocks.offsets import checked_offset, offset_text, parse_offset
 
 
 @given(st.integers(-(2**61), 2**61))
@@ -40,3 +41,15 @@ def test_anything_else_is_an_error_that_says_what_is_expected(text: str) -> None
 def test_an_offset_of_centuries_is_an_error() -> None:
     with pytest.raises(ValueError, match="less than 73 years"):
         parse_offset("40000d")
+
+
+@pytest.mark.parametrize("offset", ["+3600s", 3600 * 10**9, np.int64(3600 * 10**9)])
+def test_an_offset_may_be_a_number_or_a_text(offset: object) -> None:
+    assert checked_offset(offset) == 3600 * 10**9
+
+
+@pytest.mark.parametrize("offset", [None, True, 1.5, 2**62, "soon", b"+1h"])
+def test_what_is_no_offset_is_an_error_that_shows_it(offset: object) -> None:
+    with pytest.raises(ValueError, match="expected") as error:
+        checked_offset(offset)
+    assert repr(offset) in str(error.value)
