@@ -19,12 +19,10 @@ from mcap.records import McapRecord
 
 from hrclog.arrays import BoolArray, IntArray
 from hrclog.log.mcap.contents import Batch, Contents
-from hrclog.log.mcap.records import Problem
+from hrclog.log.mcap.records import FIRST_OF_APPLICATIONS, Problem
 from hrclog.wording import agree, counted
 
-FIRST_OF_APPLICATIONS: Final = 0x80
-"""The first opcode that MCAP leaves to applications; that of a link."""
-
+_LINK_OPCODE: Final = FIRST_OF_APPLICATIONS
 _LINK: Final = struct.Struct("<BQQII")
 _LINK_LENGTH: Final = _LINK.size - 9
 _LINK_DTYPE: Final = np.dtype(
@@ -47,7 +45,7 @@ def link(number: int, previous: int, declaration: int) -> bytes:
         previous: checksum of the chunk of the message before it, 0 for the first.
         declaration: checksum of the records that declare its channel.
     """
-    return _LINK.pack(FIRST_OF_APPLICATIONS, _LINK_LENGTH, number, previous, declaration)
+    return _LINK.pack(_LINK_OPCODE, _LINK_LENGTH, number, previous, declaration)
 
 
 def record_bytes(record: McapRecord) -> bytes:
@@ -115,7 +113,7 @@ def _links(batch: Batch, data: bytes) -> _Links:
         inside
         & (heads["opcode"] == Opcode.CHUNK)
         & (heads["records"] == (batch.end - batch.start + _MESSAGE_HEAD + _LINK.size).astype(np.uint64))
-        & (tails["opcode"] == FIRST_OF_APPLICATIONS)
+        & (tails["opcode"] == _LINK_OPCODE)
         & (tails["length"] == _LINK_LENGTH)
     )
     offset = np.where(linked, chunk_at, np.maximum(batch.start - _MESSAGE_HEAD, 0))

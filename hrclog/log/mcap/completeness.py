@@ -79,7 +79,7 @@ def frame_problems(
     """
     misfits = [
         *misfits,
-        *_section_misfits(data, frame, said),
+        *section_misfits(data, frame, said),
         *_chunk_misfits(frame, match),
         *_record_misfits(frame, said),
     ]
@@ -223,7 +223,7 @@ def _checksum(data: bytes, offset: int) -> int:
     return zlib.crc32(memoryview(buffer)[start:end])
 
 
-def _section_misfits(data: bytes, frame: Frame, said: Listing) -> Iterator[Misfit]:
+def section_misfits(data: bytes, frame: Frame, said: Listing) -> Iterator[Misfit]:
     """Say of the footer and the end of the data where they do not fit."""
     if len(said.footers) != 1 or len(said.data_ends) > 1:
         return

@@ -13,6 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 
 from hrclog.arrays import IntArray
+from hrclog.log.mcap.attachments import Attachment, attachment_at, damage_text
 from hrclog.log.mcap.records import Problem, Record, parse
 
 _JOINED_BYTES: Final = 1 << 22
@@ -89,6 +90,7 @@ class Contents:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: list[Metadata] = field(default_factory=list)
+    attachments: list[Attachment] = field(default_factory=list)
     batches: list[Batch] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
     finished: bool = False
@@ -138,6 +140,19 @@ class Contents:
                 self.metadata.append(parse(Metadata, data, record))
             case _:
                 pass
+
+    def attach(self, data: bytes, record: Record) -> None:
+        """Take in an attachment; one that fails its checksum is a problem.
+
+        Raises:
+            ValueError: the record is damaged.
+        """
+        attachment = attachment_at(data, record[2], record[3])
+        if attachment.is_intact:
+            self.attachments.append(attachment)
+        else:
+            n_bytes = record[3] - record[1]
+            self.problems.append(Problem("corrupt_data", record[1], damage_text(attachment), n_bytes))
 
 
 def channel_counts(contents: Contents) -> dict[int, int]:

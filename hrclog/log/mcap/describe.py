@@ -10,6 +10,7 @@ from typing import Any, Final
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Statistics
 
+from hrclog.log.mcap.attachments import attachment_at, damage_text
 from hrclog.log.mcap.contents import Contents
 from hrclog.log.mcap.records import MAGIC, Problem, Record, Span, Walk, expand, next_chunk, parse, record_at
 
@@ -18,8 +19,6 @@ _MESSAGE_HEAD: Final = 22  # bytes
 _CHUNK: Final = struct.Struct("<QQQII")  # start and end time, uncompressed size, CRC, length of the name
 _INDEX: Final = struct.Struct("<HI")  # channel, bytes of entries
 _INDEX_ENTRY: Final = 16  # bytes
-_TIMES: Final = struct.Struct("<QQ")  # log time, creation time
-_SIZE: Final = struct.Struct("<I")
 _LONG_SIZE: Final = struct.Struct("<Q")
 _INDEXES: Final = {
     Opcode.CHUNK_INDEX: "chunk",
@@ -227,7 +226,7 @@ class _Describer:
             case Opcode.MESSAGE:
                 self._loose.add(*_channel_and_time(self._data, record))
             case Opcode.ATTACHMENT:
-                self._attachments.append(_attachment(self._data, record))
+                self._take_attachment(record)
             case Opcode.METADATA:
                 self._contents.keep(self._data, record)
                 kept = self._contents.metadata[-1]
@@ -244,6 +243,16 @@ class _Describer:
                 self._contents.keep(self._data, record)
                 self._summary.n_schemas += self._behind_data and record[0] == Opcode.SCHEMA
                 self._summary.n_channels += self._behind_data and record[0] == Opcode.CHANNEL
+
+    def _take_attachment(self, record: Record) -> None:
+        attachment = attachment_at(self._data, record[2], record[3])
+        n_bytes, length = attachment.end - attachment.start, record[3] - record[1]
+        times = attachment.log_time, attachment.create_time
+        self._attachments.append(
+            AttachmentFacts(attachment.name, attachment.media_type, n_bytes, *times, record[1], length)
+        )
+        if not attachment.is_intact:
+            self._problems.append(Problem("corrupt_data", record[1], damage_text(attachment), length))
 
     def _take_footer(self, footer: Footer) -> None:
         self._contents.finished = True
@@ -365,28 +374,6 @@ def _indexed(data: bytes, record: Record) -> tuple[int, int]:
     if record[2] + _INDEX.size + size > record[3]:
         raise ValueError("a message index is too short")
     return channel, size // _INDEX_ENTRY
-
-
-def _attachment(data: bytes, record: Record) -> AttachmentFacts:
-    """Return the facts of an attachment without a copy of its data.
-
-    Raises:
-        ValueError: its sizes do not fit into it.
-    """
-    at, end = record[2] + _TIMES.size, record[3]
-    texts: list[str] = []
-    for _ in range(2):
-        size = _SIZE.unpack_from(data, at)[0] if at + _SIZE.size <= end else end
-        if at + _SIZE.size + size > end:
-            raise ValueError("an Attachment record is damaged")
-        texts.append(data[at + _SIZE.size : at + _SIZE.size + size].decode())
-        at += _SIZE.size + size
-    n_bytes = _LONG_SIZE.unpack_from(data, at)[0] if at + _LONG_SIZE.size <= end else end
-    if at + _LONG_SIZE.size + n_bytes + _SIZE.size > end:
-        raise ValueError("an Attachment record is damaged")
-    log_time, create_time = _TIMES.unpack_from(data, record[2])
-    name, media_type = texts
-    return AttachmentFacts(name, media_type, n_bytes, log_time, create_time, record[1], end - record[1])
 
 
 def _text(data: bytes) -> str | None:

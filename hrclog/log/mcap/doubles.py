@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hrclog.log.mcap.completeness import data_problems, section_misfits
 from hrclog.log.mcap.contents import Batch
 from hrclog.log.mcap.frame import HEAD, Frame, Listing, chunk_key, heads, index_key
 from hrclog.log.mcap.records import PREFIX
@@ -16,14 +17,15 @@ from hrclog.log.mcap.records import PREFIX
 def doubled_chunks(data: bytes, frame: Frame, said: Listing) -> list[tuple[int, int]]:
     """Return first byte and end of each chunk that is a copy of one before it.
 
-    Copies that the index lists are none: their writer knew of them.
+    Copies that the index lists are none: their writer knew of them. Without an index, those of a closed file are none
+    where nothing that the file says of itself contradicts them.
     """
     if len(frame.chunks) < 2:
         return []
     keys = heads(data, frame.chunks).view(f"V{HEAD.itemsize}")
     _, group, sizes = np.unique(keys, return_inverse=True, return_counts=True)
     alike = np.flatnonzero(sizes[group.reshape(-1)] > 1).tolist()
-    if not alike:
+    if not alike or (not said.chunk_indexes and _is_as_written(data, frame, said)):
         return []
     listed = Counter(index_key(index) for _, index in said.chunk_indexes)
     seen: Counter[bytes] = Counter()
@@ -35,6 +37,18 @@ def doubled_chunks(data: bytes, frame: Frame, said: Listing) -> list[tuple[int, 
             copies.append((begin, end))
         seen[content] += 1
     return copies
+
+
+def _is_as_written(data: bytes, frame: Frame, said: Listing) -> bool:
+    """Return whether a file is closed, and has as many chunks, and as many bytes of data, as it says."""
+    n_chunks = len(frame.chunks) + len(frame.damaged)
+    return (
+        len(said.footers) == 1
+        and len(said.data_ends) == 1
+        and all(statistics.chunk_count == n_chunks for _, statistics in said.statistics)
+        and not any(section_misfits(data, frame, said))
+        and not data_problems(data, said)
+    )
 
 
 def without_chunks(frame: Frame, begins: Sequence[int]) -> array[int]:

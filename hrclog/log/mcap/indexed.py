@@ -50,7 +50,11 @@ def read_indexed(data: bytes, wanted: Wanted | None = None) -> Contents:
     said = listing(data, frame)
     contents = Contents(finished=True)
     for record in frame.others.values():
-        contents.keep(data, record)
+        if record[0] == Opcode.ATTACHMENT:
+            contents.attach(data, record)
+        else:
+            contents.keep(data, record)
+    _trust(contents.problems)
     if contents.header is None or len(said.statistics) != 1:
         raise ValueError("the file has no header or no statistics")
     statistics = said.statistics[0][1]

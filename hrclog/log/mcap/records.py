@@ -18,16 +18,21 @@ import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment
 
+from hrclog.log.mcap.attachments import attachment_at
 from hrclog.wording import counted
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 PREFIX: Final = struct.Struct("<BQ")
 """Opcode and content length, which begin every record."""
 
+FIRST_OF_APPLICATIONS: Final = 0x80
+"""The first opcode that MCAP leaves to applications."""
+
 _CHUNK: Final = struct.Struct("<QQQI")  # start time, end time, uncompressed size, CRC
 _MAX_CHUNK: Final = 1 << 28  # bytes after decompression; a larger chunk is taken for a decompression bomb
+_OPCODES: Final = frozenset(map(int, Opcode))
+_HOLDING_ANYTHING: Final = (Opcode.MESSAGE, Opcode.SCHEMA)
 _LIKELY_CHUNK: Final = re.compile(rb"\x06[\x00-\xff]{4}\x00{4}", re.DOTALL)  # opcode, length below 4 GiB
 
 Record = tuple[int, int, int, int]
@@ -110,18 +115,39 @@ class Walk:
 
     def _hidden_chunk(self, record: Record) -> int | None:
         """Return where to go on behind a record that hides a chunk, as its opcode or length is damaged; None if not."""
-        opcode, offset, _, end = record
+        opcode, offset, start, end = record
         if opcode == Opcode.CHUNK:
             self._chunked = True
             body_end = _body_end(self._data, record)
             return None if body_end >= end else next_chunk(self._data, body_end, end, self._end)
         if opcode == Opcode.MESSAGE and not self._chunked:  # messages may hold anything
             return None
-        if opcode == Opcode.ATTACHMENT and _is_whole(self._data, record):
-            return None
+        if opcode == Opcode.ATTACHMENT and (own_end := self._attachment_end(start, end)):
+            return next_chunk(self._data, own_end, end, self._end)
         if _has_valid_checksum(self._data, record):  # a chunk under another opcode
             return _body_end(self._data, record)
-        return next_chunk(self._data, offset + 1, end, self._end)
+        inside = next_chunk(self._data, offset + 1, end, self._end)
+        may_hold_anything = opcode not in _OPCODES or opcode in _HOLDING_ANYTHING
+        if inside is not None and may_hold_anything and self._leads_on(end):
+            return None
+        return inside
+
+    def _attachment_end(self, start: int, end: int) -> int | None:
+        """Return where an attachment ends, so that chunks before that are its own; None if its sizes are wrong."""
+        try:
+            attachment = attachment_at(self._data, start, end)
+        except ValueError:
+            return None
+        return attachment.end + 4 if attachment.is_intact or self._leads_on(end) else None
+
+    def _leads_on(self, position: int) -> bool:
+        """Return whether records follow each other from a position to a valid chunk, or to the end of the file."""
+        while record := record_at(self._data, position, self._end):
+            if _has_valid_checksum(self._data, record) and record[0] == Opcode.CHUNK:
+                return True
+            position = record[3]
+        at_magic = self._data.startswith(MAGIC, position) and position + len(MAGIC) == self._end
+        return position == self._end or at_magic
 
 
 def record_at(data: bytes, position: int, end: int) -> Record | None:
@@ -210,17 +236,6 @@ def _has_valid_checksum(data: bytes, record: Record) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_whole(data: bytes, record: Record) -> bool:
-    """Return whether an attachment has its checksum."""
-    try:
-        attachment: Attachment = parse(Attachment, data, record)
-    except ValueError:
-        return False
-    crc_at = record[2] + 32 + len(attachment.name.encode()) + len(attachment.media_type.encode()) + len(attachment.data)
-    crc = int.from_bytes(data[crc_at : crc_at + 4], "little")
-    return crc in (0, zlib.crc32(data[record[2] : crc_at]))
 
 
 def _decompress(data: bytes, name: bytes, start: int, end: int, size: int) -> Span:

@@ -8,12 +8,22 @@ from typing import Final
 import numpy as np
 from mcap.opcode import Opcode
 
-from hrclog.log.mcap.chain import FIRST_OF_APPLICATIONS, check_chain
+from hrclog.log.mcap.chain import check_chain
 from hrclog.log.mcap.completeness import count_problems, data_problems, frame_problems, match_chunks
 from hrclog.log.mcap.contents import Batch, Contents, ForeignRecordError, channel_counts
 from hrclog.log.mcap.doubles import doubled_chunks, without_chunks, without_spans
 from hrclog.log.mcap.frame import Frame, Listing, check_said, has_checksum, listing, message_index
-from hrclog.log.mcap.records import MAGIC, Problem, Record, Span, Walk, expand, next_chunk, record_at
+from hrclog.log.mcap.records import (
+    FIRST_OF_APPLICATIONS,
+    MAGIC,
+    Problem,
+    Record,
+    Span,
+    Walk,
+    expand,
+    next_chunk,
+    record_at,
+)
 from hrclog.wording import counted
 
 _MESSAGE: Final = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -115,6 +125,8 @@ class _StreamedReader:
                 self._last = None
             case Opcode.FOOTER:
                 self._contents.finished = True
+            case Opcode.ATTACHMENT:
+                self._contents.attach(self._data, record)
             case _:
                 self._contents.keep(self._data, record)
         check_said(self._data, record)

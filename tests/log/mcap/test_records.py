@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, MessageIndex, Metadata, Schema
 
 from hrclog.log.mcap.indexed import _entries
-from hrclog.log.mcap.records import Problem, Walk, expand, next_chunk, parse, record_at
+from hrclog.log.mcap.records import MAGIC, Problem, Walk, expand, next_chunk, parse, record_at
 from hrclog.log.writing.journal import _chunk
 
 CHUNK = _chunk(b"\x05" + struct.pack("<QHIQQ", 22, 1, 2, 3, 4), 3)
@@ -84,10 +84,34 @@ def test_the_walk_finds_a_chunk_under_another_opcode_or_with_another_length() ->
 
 def test_an_attachment_may_hold_a_whole_mcap_file_but_not_swallow_the_chunks_behind_it() -> None:
     attachment = _bytes(Attachment(1, 2, "other.mcap", "application/mcap", CHUNK))
-    for data, offsets in ((attachment + CHUNK, [0, len(attachment)]), (attachment[:-1] + b"?" + CHUNK, None)):
+    behind = len(attachment)
+    of_wrong_checksum = attachment[:-1] + b"?"
+    longer, shorter = (_padded(attachment, CHUNK)[:behind], attachment.replace(CHUNK, CHUNK[:-1], 1))
+    for first, offsets in (
+        (attachment, [0, behind]),
+        (of_wrong_checksum, [0, behind]),
+        (longer, [behind]),
+        (shorter, [behind - 1]),
+    ):
         problems: list[Problem] = []
-        found = [offset for _, offset, _, _ in Walk(data, problems, 0)]
-        assert (found == offsets, problems == []) == ((True, True) if offsets else (False, False))
+        found = [offset for _, offset, _, _ in Walk(first + CHUNK, problems, 0)]
+        assert found == offsets
+        assert bool(problems) is (offsets[0] > 0)
+
+
+def test_records_that_may_hold_anything_may_hold_a_whole_mcap_file() -> None:
+    content = MAGIC + CHUNK + MAGIC
+    for opcode in (0x10, 0x7F, 0x80, 0xFF):
+        holder = struct.pack("<BQ", opcode, len(content)) + content
+        for behind in (CHUNK, _bytes(RECORDS[2]) + CHUNK, b"", MAGIC, holder):
+            problems: list[Problem] = []
+            data = holder + behind
+            assert next(iter(Walk(data, problems, 0)))[1:] == (0, 9, len(holder))
+            assert problems == []
+        swallowing = struct.pack("<BQ", opcode, len(content) + 20) + content
+        inside = 9 + len(MAGIC)
+        found = [record[1] for record in Walk(swallowing + CHUNK * 2, [], 0)]
+        assert found == [inside, len(holder), len(holder) + len(CHUNK)]
 
 
 def test_a_chunk_of_another_compression_is_refused_by_name() -> None:
