@@ -78,7 +78,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),
-    "unprotected": ("info", "no message of the file is covered by a checksum: damage to it cannot be seen"),
+    "unprotected": (
+        "info",
+        "no checksum covers the messages of the file, or of the one it was recovered from: damage to them cannot be seen",
+    ),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),

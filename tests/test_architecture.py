@@ -30,16 +30,17 @@ ARROWS: Mapping[str, str] = {
     "log.messages": "log.files log.mcap",
     "log.bags": "log.files log.mcap log.messages",
     "log.writing": "log.files log.mcap log.messages",
-    "log.clocks": "",
+    "log.remarks": "",
+    "log.clocks": "log.remarks",
     "log.runs": "",
-    "log.losses": "log.mcap log.writing",
+    "log.losses": "log.mcap log.remarks log.writing",
     "log.parts": "log.bags log.files log.losses log.mcap log.messages log.writing",
-    "log.never_set": "",
-    "log.checks": "log.clocks log.never_set",
+    "log.never_set": "log.remarks",
+    "log.checks": "log.clocks log.never_set log.remarks",
     "log.reader": (
         "log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts log.runs log.writing"
     ),
-    "log.recover": "log.files log.losses log.mcap log.messages log.reader log.writing",
+    "log.recover": "log.files log.losses log.mcap log.messages log.reader log.remarks log.writing",
     "log.follow": "log.mcap log.messages",
     "log.watch": "log.files log.writing",
     # hrclog

@@ -80,4 +80,8 @@ def _as_dict(result: Recovered) -> dict[str, Any]:
 
 
 def _sources(path: Path) -> list[Path]:
-    return sorted(path.glob("*.mcap.partial")) if path.is_dir() else [path]
+    from hrclog.log.files.discover import is_journal_name, is_log_name
+
+    if not path.is_dir():
+        return [path]
+    return sorted(entry for entry in path.glob("*") if is_log_name(entry.name) and is_journal_name(entry.name))

@@ -21,6 +21,7 @@ from hrclog.events import (
 )
 from hrclog.log.clocks.checks import check_clocks
 from hrclog.log.never_set import check_speeds
+from hrclog.log.remarks import numbered_apart, without_remarks
 from hrclog.wording import counted
 
 _ROLES: Final = [role.value for role in Role]
@@ -79,8 +80,9 @@ def check_events(events: pl.DataFrame) -> list[Diagnostic]:
     Args:
         events: an events frame in the order of time.
     """
+    recorded = without_remarks(events)
     return [
-        *_sequence(events),
+        *_sequence(numbered_apart(events)),
         *_conflicting_runs(events),
         *_impossible_times(events),
         *_unknown(events),
@@ -88,7 +90,7 @@ def check_events(events: pl.DataFrame) -> list[Diagnostic]:
         *_non_finite(events),
         *_invalid_values(events),
         *check_speeds(events),
-        *check_clocks(events),
+        *check_clocks(recorded),
     ]
 
 

@@ -1,4 +1,7 @@
-"""What a recovered log remembers of the file that it came from: what was lost there, where, and who recovered it."""
+"""What a recovered log remembers of the file that it came from: what was lost there, where, and who recovered it.
+
+It remembers too that no checksum covered the messages there, as its own checksums say nothing of damage from before.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,9 @@ from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import LATEST_NS, AnnotationAdded
 from hrclog.log.mcap.records import Problem
+from hrclog.log.remarks import RECOVERED, remarks_among
 from hrclog.log.writing.journal import LIBRARY
 from hrclog.wording import counted
-
-RECOVERED: Final = "hrclog.recovered"
-"""Name of the metadata record, and of the member in the details of an annotation, that hold what was lost."""
 
 NO_FOOTER: Final = "the file has no footer: its end is missing, and whatever was there"
 
@@ -29,9 +30,12 @@ _MAX_SHOWN: Final = 3
 _MAX_DIGITS: Final = 20
 _LAST_SEQ: Final = 2**62
 
+_UNPROTECTED: Final = "unprotected"
+
 Loss = Mapping[str, str]
 """What one recovery lost: `version`, `source`, `source_bytes`, `source_crc32`, `n_losses`, `lost_bytes`,
-`lost_messages` and `losses`, a JSON list of what was lost at which offset."""
+`lost_messages` and `losses`, a JSON list of what was lost at which offset; `unprotected` is there, and "true", where no
+checksum covered the messages of the source."""
 
 
 def loss_of(source: Path, data: bytes, problems: list[Problem]) -> Loss:
@@ -58,6 +62,11 @@ def loss_of(source: Path, data: bytes, problems: list[Problem]) -> Loss:
     }
 
 
+def of_unprotected(loss: Loss) -> Loss:
+    """Add that no checksum covered the messages of the source."""
+    return {**loss, _UNPROTECTED: "true"}
+
+
 def loss_text(loss: Loss) -> str:
     """Say what a recovery lost."""
     n_bytes, n_messages = _number(loss, "lost_bytes"), _number(loss, "lost_messages")
@@ -65,11 +74,30 @@ def loss_text(loss: Loss) -> str:
         counted(n_bytes, "byte that could not be read", "bytes that could not be read") if n_bytes else "",
         counted(n_messages, "message that is missing", "messages that are missing") if n_messages else "",
     ]
-    source = f"{loss.get('source') or 'a damaged file'} of {counted(_number(loss, 'source_bytes'), 'byte')}"
-    text = f"recovered by {loss.get('version', 'hrclog')} from {source}"
+    text = _source_text(loss)
     text += f", with {' and '.join(filter(None, lost))}" if any(lost) else ""
     places = "; ".join(_places(loss))
     return f"{text}: {places}" if places else text
+
+
+def unprotected_text(loss: Loss) -> str:
+    """Say that damage to the source of a recovery could not be seen."""
+    return f"{_source_text(loss)}, where no checksum covered the messages: damage to them there could not be seen"
+
+
+def _source_text(loss: Loss) -> str:
+    source = f"{loss.get('source') or 'a damaged file'} of {counted(_number(loss, 'source_bytes'), 'byte')}"
+    return f"recovered by {loss.get('version', 'hrclog')} from {source}"
+
+
+def remarks_in(loss: Loss) -> list[tuple[str, str]]:
+    """Return the diagnostics, code and text, that a recovery gives whenever its log is read."""
+    remarks: list[tuple[str, str]] = []
+    if loss.get("n_losses") != "0":
+        remarks.append(("recovered_with_losses", loss_text(loss)))
+    if _UNPROTECTED in loss:
+        remarks.append(("unprotected", unprotected_text(loss)))
+    return remarks
 
 
 def _number(loss: Loss, name: str) -> int:
@@ -78,8 +106,14 @@ def _number(loss: Loss, name: str) -> int:
 
 
 def recorded_losses(metadata: Iterable[Metadata]) -> list[str]:
-    """Return what the metadata of a file say of the recoveries it went through."""
-    return list(dict.fromkeys(loss_text(record.metadata) for record in metadata if record.name == RECOVERED))
+    """Return what the metadata of a file say of losses at the recoveries it went through."""
+    return [text for code, text in recorded_remarks(metadata) if code == "recovered_with_losses"]
+
+
+def recorded_remarks(metadata: Iterable[Metadata]) -> list[tuple[str, str]]:
+    """Return the diagnostics, code and text, of the recoveries that the metadata of a file tell of."""
+    losses = [record.metadata for record in metadata if record.name == RECOVERED]
+    return list(dict.fromkeys(remark for loss in losses for remark in remarks_in(loss)))
 
 
 def annotated_losses(events: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
@@ -89,21 +123,19 @@ def annotated_losses(events: pl.DataFrame, diagnostics: Iterable[Diagnostic]) ->
         events: of all files.
         diagnostics: what is known of these files.
     """
-    known = {finding.message for finding in diagnostics if finding.code == "recovered_with_losses"}
-    remarks = events.filter(pl.col("kind") == AnnotationAdded.kind)
-    remarks = remarks.filter(pl.col("details").str.contains(f'"{RECOVERED}"', literal=True))
-    losses: dict[str, Diagnostic] = {}
-    for row in remarks.iter_rows(named=True):
+    known = {(finding.code, finding.message) for finding in diagnostics}
+    losses: dict[tuple[str, str], Diagnostic] = {}
+    for row in remarks_among(events).iter_rows(named=True):
         loss = _loss_in(row["details"])
-        text = loss_text(loss)
-        if loss and text not in known:
-            place = {"path": row["path"], "run_id": row["run_id"], "seq": row["seq"]}
-            losses.setdefault(text, Diagnostic("recovered_with_losses", text, **place))
+        for code, text in remarks_in(loss) if loss else []:
+            if (code, text) not in known:
+                place = {"path": row["path"], "run_id": row["run_id"], "seq": row["seq"]}
+                losses.setdefault((code, text), Diagnostic(code, text, **place))
     return list(losses.values())
 
 
 def remarks_on(loss: Loss, events: pl.DataFrame) -> list[AnnotationAdded]:
-    """Return an annotation for each run that a recovered file holds, behind its last event.
+    """Return an annotation for each run that a recovered file holds, at its last event and of the same number.
 
     Args:
         loss: what was lost.
@@ -114,11 +146,10 @@ def remarks_on(loss: Loss, events: pl.DataFrame) -> list[AnnotationAdded]:
         & pl.col("seq").is_between(0, _LAST_SEQ)
         & pl.col("run_id").is_not_null()
     )
+    reason = "; ".join(text for _, text in remarks_in(loss))
     ends = placed.group_by("run_id", maintain_order=True).agg(pl.col("seq").max(), pl.col("time_ns").max())
     return [
-        AnnotationAdded(
-            run_id=run_id, seq=seq + 1, time_ns=time_ns, reason=loss_text(loss), details={RECOVERED: dict(loss)}
-        )
+        AnnotationAdded(run_id=run_id, seq=seq, time_ns=time_ns, reason=reason, details={RECOVERED: dict(loss)})
         for run_id, seq, time_ns in ends.iter_rows()
     ]
 

@@ -8,6 +8,7 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import LATEST_NS, TASK_KINDS
+from hrclog.log.remarks import without_remarks
 from hrclog.wording import counted
 
 _FAR_NS: Final = 30 * 86_400 * 10**9
@@ -105,9 +106,10 @@ def with_numbers(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     several = zeros.filter(zeros.is_duplicated()).unique()
     of_run = events.filter(pl.col("run_id").is_in(several.implode()))
     never_set = (
-        of_run.group_by("run_id", maintain_order=True)
+        without_remarks(of_run)
+        .group_by("run_id", maintain_order=True)
         .agg(pl.col("path").first(), pl.len(), (pl.col("seq") != 0).any().alias("counts"))
-        .filter(~pl.col("counts"))
+        .filter(~pl.col("counts") & (pl.col("len") > 1))
     )
     written = pl.int_range(pl.len(), dtype=pl.Int64).over("run_id")
     is_unnumbered = pl.col("run_id").is_in(never_set["run_id"].implode())

@@ -13,7 +13,7 @@ from hrclog.log.bags.folder import open_bag
 from hrclog.log.files.discover import BAG_METADATA, plain_name
 from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error
 from hrclog.log.files.unpack import load
-from hrclog.log.losses import NO_FOOTER, recorded_losses
+from hrclog.log.losses import NO_FOOTER, recorded_remarks
 from hrclog.log.mcap.contents import Contents, Wanted
 from hrclog.log.mcap.indexed import read_contents
 from hrclog.log.mcap.records import MAGIC
@@ -100,8 +100,8 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
         complain(problem.code, problem.message, problem.offset)
     if contents.unprotected:
         complain("unprotected", "no checksum covers the messages of this file: damage to them cannot be seen", None)
-    for text in recorded_losses(contents.metadata):
-        complain("recovered_with_losses", text, None)
+    for code, text in recorded_remarks(contents.metadata):
+        complain(code, text, None)
     if not contents.finished:
         _tell_of_the_end(path, contents, complain)
     decoded = decode_contents(contents, complain, signals=signals)

@@ -5,20 +5,34 @@ What a damaged source lost is told in the finished log, see `hrclog.log.losses`.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain, count
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import polars as pl
+from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from hrclog.errors import LogExistsError, LogReadError, LogWriteError
+from hrclog.log.files.discover import is_journal_name, plain_name
+from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error, recognise
 from hrclog.log.files.system import exists, lock
-from hrclog.log.losses import NO_FOOTER, RECOVERED, Loss, loss_of, recorded_losses, remarks_on
+from hrclog.log.files.unpack import unpacked
+from hrclog.log.losses import (
+    NO_FOOTER,
+    Loss,
+    loss_of,
+    of_unprotected,
+    recorded_losses,
+    recorded_remarks,
+    remarks_on,
+)
 from hrclog.log.mcap.chain import is_chained
 from hrclog.log.mcap.contents import Batch, Contents
 from hrclog.log.mcap.records import MAGIC, PREFIX, Problem
@@ -28,10 +42,15 @@ from hrclog.log.messages.channels import EVENTS_TOPIC
 from hrclog.log.messages.decode import EVENT_COLUMNS, decode_contents
 from hrclog.log.messages.encode import event_message
 from hrclog.log.reader import read_log
+from hrclog.log.remarks import RECOVERED
 from hrclog.log.writing.journal import PARTIAL_SUFFIX
 from hrclog.log.writing.writer import FinishedWriter, write_atomically
 from hrclog.wording import counted
 
+File = tuple[Contents, bytes]
+"""What a file holds, and its bytes."""
+
+_LONGEST_HEADER: Final = 1 << 12  # bytes; a longer one is damaged
 _TOLD_AGAIN: Final = frozenset({"no_events", "undecodable_event", "recovered_with_losses"})
 
 
@@ -56,16 +75,17 @@ class Recovered:
 
 def finished_path(source: Path) -> Path:
     """Return where the finished log of a journal or a damaged log goes."""
-    if source.name.endswith(PARTIAL_SUFFIX):
-        return source.with_name(source.name.removesuffix(PARTIAL_SUFFIX))
-    return source.with_name(f"{source.stem}.recovered.mcap")
+    name = plain_name(source.name)
+    if is_journal_name(name):
+        return source.with_name(name.removesuffix(PARTIAL_SUFFIX))
+    return source.with_name(f"{Path(name).stem}.recovered.mcap")
 
 
 def recover(source: Path, path: Path | None = None) -> Recovered:
     """Write the finished log of a journal and remove the journal; a damaged log is kept beside its recovery.
 
     A journal beside a finished log of the same messages (killed between the two last steps of closing) is only removed.
-    A finished log without damage is left as it is.
+    A finished log without damage is left as it is, and so is a compressed file.
 
     Raises:
         LogReadError: the source is missing, no MCAP file, still being written, or holds nothing.
@@ -73,25 +93,27 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
         LogWriteError: the finished log cannot be written, or the journal not be removed.
     """
     target = path or finished_path(source)
-    with _read_locked(source) as data:
+    with _read_locked(source) as raw:
+        data, torn = _unpacked(source, raw)
         contents = read_streamed(data)
-        if contents.header is None and not contents.batches:
-            description = f"a file of {counted(len(data), 'byte')} without an MCAP header"
-            raise LogReadError(source, description, "a journal with events", "0 events can be recovered; delete it")
-        is_journal = source.name.endswith(PARTIAL_SUFFIX)
+        if contents.header is None and not contents.batches and not contents.attachments:
+            raise _nothing_in(source, data)
+        is_journal = is_journal_name(source.name)
         n_messages = sum(len(batch.start) for batch in contents.batches)
         earlier = recorded_losses(contents.metadata)
-        problems = _losses(contents, data, is_journal=is_journal)
+        problems = [*torn, *_losses(contents, data, is_journal=is_journal)]
         if is_journal and n_messages and not is_chained(contents, data):
             problems += _told_by_reader(source, problems)
         if not is_journal and not problems:
             return Recovered(source, source, n_messages, [], earlier)
-        if not is_journal and not n_messages:
+        if not is_journal and not n_messages and not contents.attachments:
             description = f"a damaged log of {counted(len(data), 'byte')} without a readable message"
             raise LogReadError(source, description, "at least one message", "nothing can be recovered from it")
-        loss = loss_of(source, data, problems) if problems else None
-        if not exists(target) or _forgets(target, source, contents, loss):
-            write_atomically(target, lambda writer: _copy(contents, writer, loss))
+        loss = loss_of(source, raw, problems) if problems or contents.unprotected else None
+        if loss is not None and contents.unprotected:
+            loss = of_unprotected(loss)
+        if not exists(target) or _forgets(target, source, (contents, data), loss):
+            write_atomically(target, lambda writer: _copy((contents, data), writer, loss))
         _remove_journal(source, damaged=bool(problems))
     return Recovered(source, target, n_messages, problems, earlier)
 
@@ -126,6 +148,40 @@ def _is_begun(data: bytes) -> bool:
         return True
     opcode, length = PREFIX.unpack_from(data, torn_at)
     return bool(opcode != 0 and torn_at + PREFIX.size + length > len(data))
+
+
+def _unpacked(source: Path, raw: bytes) -> tuple[bytes, list[Problem]]:
+    """Return the bytes of an MCAP file, and what of a compressed one cannot be unpacked.
+
+    Raises:
+        LogReadError: it is a log of another format, or cannot be unpacked.
+    """
+    file = unpacked(source, raw, recognise(raw[:HEAD_BYTES]))
+    if file.kind in (Format.SQLITE, Format.ROS1):
+        remedy = "nothing to recover: `hrclog check` and `hrclog analyze` read it as it is, whole or damaged"
+        raise LogReadError(source, f"{file.kind.value}", "a journal or another MCAP log", remedy)
+    return file.data, file.problems
+
+
+def _nothing_in(source: Path, data: bytes) -> LogReadError:
+    """Return the error for a file of which no record can be read."""
+    if data.startswith(MAGIC) or not any(data) or MAGIC.startswith(data):
+        description = f"a file of {counted(len(data), 'byte')} without an MCAP header"
+        remedy = "0 events can be recovered" + ("; delete it" if _ends_in_header(data) else "")
+        return LogReadError(source, description, "a journal with events", remedy)
+    if recognise(data[:HEAD_BYTES]) is not Format.OTHER:
+        return foreign_error(source, data[:HEAD_BYTES])
+    description = f"a file that begins with {data[:8]!r}"
+    return LogReadError(source, description, "a journal with events", "0 events can be recovered")
+
+
+def _ends_in_header(data: bytes) -> bool:
+    """Return whether a file ends before or within its first record, or holds but zeros there."""
+    begin = len(MAGIC) + PREFIX.size
+    if not any(data[begin:]):
+        return True
+    opcode, length = PREFIX.unpack_from(data, len(MAGIC))
+    return bool(opcode == Opcode.HEADER and len(data) - begin < length < _LONGEST_HEADER)
 
 
 def _losses(contents: Contents, data: bytes, *, is_journal: bool) -> list[Problem]:
@@ -180,7 +236,7 @@ def _remove_journal(source: Path, *, damaged: bool) -> None:
         return
     try:
         if damaged:
-            source.replace(source.with_name(source.name + ".damaged"))
+            source.replace(_free_name(source.with_name(source.name + ".damaged")))
         else:
             source.unlink()
     except OSError as error:
@@ -188,24 +244,36 @@ def _remove_journal(source: Path, *, damaged: bool) -> None:
         raise LogWriteError(source, text, "remove it") from error
 
 
-def _forgets(target: Path, source: Path, contents: Contents, loss: Loss | None) -> bool:
-    """Return whether a recovered log of the same messages does not tell of the loss.
+def _free_name(path: Path) -> Path:
+    """Return a path, or the first of those with a number behind it that is free."""
+    numbered = (path.with_name(f"{path.name}.{number}") for number in count(2))
+    return next(candidate for candidate in chain([path], numbered) if not os.path.lexists(candidate))
+
+
+def _forgets(target: Path, source: Path, file: File, loss: Loss | None) -> bool:
+    """Return whether a recovered log of the same messages does not tell of the loss, or lacks attachments.
 
     Raises:
         LogReadError: the target cannot be opened.
         LogExistsError: it holds other messages.
     """
     try:
-        existing = read_streamed(target.read_bytes() if target.is_file() else b"")
+        written = target.read_bytes() if target.is_file() else b""
     except OSError as error:
         raise LogReadError(
             target, f"a file that cannot be opened ({error.strerror})", "no file, or the same log"
         ) from error
+    contents, existing = file[0], read_streamed(written)
     here, there = Counter(_messages(contents)), Counter(_messages(existing))
     remarks = there - here
     if here - there or not all(topic == EVENTS_TOPIC and RECOVERED.encode() in data for topic, _, data in remarks):
         raise LogExistsError(target, f"it differs from {source}; choose another name with -o")
-    return loss is not None and not recorded_losses(existing.metadata)
+    is_silent = loss is not None and not recorded_remarks(existing.metadata)
+    return is_silent or bool(_attachments(*file) - _attachments(existing, written))
+
+
+def _attachments(contents: Contents, data: bytes) -> Counter[tuple[str, bytes]]:
+    return Counter((attachment.name, data[attachment.start : attachment.end]) for attachment in contents.attachments)
 
 
 def _messages(contents: Contents) -> Iterator[tuple[str, int, bytes]]:
@@ -221,8 +289,9 @@ def _rows(batch: Batch) -> Iterator[tuple[int, int, int, int, int, int]]:
     return zip(*(array.tolist() for array in arrays), strict=True)
 
 
-def _copy(contents: Contents, writer: FinishedWriter, loss: Loss | None) -> None:
-    """Copy all messages, those of the event topic first, so that a reader of events can skip the other chunks."""
+def _copy(file: File, writer: FinishedWriter, loss: Loss | None) -> None:
+    """Copy all that can be read, messages of the event topic first, so that a reader of events can skip the others."""
+    contents, data = file
     ids = _register(contents, writer)
     for is_events in (True, False):
         for batch in contents.batches:
@@ -231,6 +300,8 @@ def _copy(contents: Contents, writer: FinishedWriter, loss: Loss | None) -> None
                     writer.add_raw(ids[channel], log_time, publish_time, sequence, batch.data[start:end])
         if loss is not None and is_events:
             _add_remarks(contents, writer, loss)
+    for attachment in contents.attachments:
+        writer.attachment(attachment, data[attachment.start : attachment.end])
     for metadata in contents.metadata:
         writer.metadata(metadata.name, metadata.metadata)
     if loss is not None:

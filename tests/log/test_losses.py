@@ -19,11 +19,11 @@ from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.errors import LogReadError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import AnnotationAdded, Event, Heartbeat, RunEnded, RunStarted
-from hrclog.log.losses import RECOVERED
 from hrclog.log.mcap.records import Walk
 from hrclog.log.messages.encode import FloatSignal, event_message, signal_message
 from hrclog.log.reader import Logs, read_log, read_logs
 from hrclog.log.recover import recover
+from hrclog.log.remarks import RECOVERED
 from hrclog.log.writing.journal import LIBRARY, Journal
 from hrclog.log.writing.writer import write_log
 
@@ -75,7 +75,7 @@ def test_a_recovered_log_tells_in_its_metadata_what_was_lost(closed: Path) -> No
     assert f"byte {problem.offset}: {problem.message}" in text
 
 
-def test_every_run_of_a_recovered_log_has_an_annotation_behind_its_last_event(closed: Path) -> None:
+def test_every_run_of_a_recovered_log_has_an_annotation_at_its_last_event(closed: Path) -> None:
     data = closed.read_bytes()
     chunks = [record for record in Walk(data, []) if record[0] == Opcode.CHUNK]
     at = chunks[3][2] + 40
@@ -83,7 +83,7 @@ def test_every_run_of_a_recovered_log_has_an_annotation_behind_its_last_event(cl
     before = read_log(closed)
     after = read_log(recover(closed).path)
     remarks = after.events.filter(pl.col("kind") == "annotation_added")
-    ends = before.events.group_by("run_id").agg(pl.col("seq").max() + 1, pl.col("time_ns").max()).sort("run_id")
+    ends = before.events.group_by("run_id").agg(pl.col("seq").max(), pl.col("time_ns").max()).sort("run_id")
     assert remarks.select("run_id", "seq", "time_ns").sort("run_id").equals(ends)
     assert after.events.height == before.events.height + 2
     remark = from_row(remarks.row(0, named=True))

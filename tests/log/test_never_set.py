@@ -105,7 +105,7 @@ def test_events_of_one_instant_without_numbers_stay_in_the_order_of_writing(tmp_
 @pytest.mark.parametrize("seqs", [[0], [0, 1, 2], [0, 0, 1]])
 def test_numbers_that_differ_are_believed(seqs: list[int]) -> None:
     frame = pl.DataFrame({"run_id": ["r"] * len(seqs), "seq": seqs}, schema={"run_id": pl.String, "seq": pl.Int64})
-    found, diagnostics = with_numbers(frame.with_columns(path=pl.lit("p")))
+    found, diagnostics = with_numbers(frame.with_columns(path=pl.lit("p"), kind=pl.lit("heartbeat")))
     assert found["seq"].to_list() == seqs
     assert diagnostics == []
 

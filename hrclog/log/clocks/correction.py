@@ -14,6 +14,7 @@ from hrclog.errors import HrclogError
 from hrclog.events import LATEST_NS
 from hrclog.log.clocks.offsets import checked_offset, offset_text
 from hrclog.log.clocks.series import LEAST_NS, RECORDER, Series, reference, series_of, timed, tolerance_ns
+from hrclog.log.remarks import without_remarks
 from hrclog.wording import counted
 
 Clocks = Mapping[str, int | str]
@@ -91,7 +92,7 @@ def _as_synced(events: pl.DataFrame, clocks: Clocks) -> tuple[pl.DataFrame, list
     if synced.is_empty():
         return events, []
     rows = events.with_row_index("row")
-    comparable = timed(rows.filter(pl.col("run_id").is_in(synced["run_id"].unique().implode())))
+    comparable = timed(without_remarks(rows).filter(pl.col("run_id").is_in(synced["run_id"].unique().implode())))
     shift = np.zeros(events.height, np.int64)
     diagnostics: list[Diagnostic] = []
     for (run_id,), run_events in comparable.group_by("run_id", maintain_order=True):

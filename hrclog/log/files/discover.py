@@ -12,6 +12,7 @@ from hrclog.log.files.system import exists
 from hrclog.wording import agree, counted
 
 COMPRESSIONS: Final = (".zstd", ".zst", ".gz")
+_JOURNAL_ENDING: Final = ".partial"
 _LOG_ENDINGS: Final = (".mcap", ".mcap.partial", ".db3", ".bag", ".bag.active")
 BAG_METADATA: Final = "metadata.yaml"
 
@@ -32,6 +33,11 @@ def find_logs(arguments: Iterable[str | Path]) -> list[Path]:
 def plain_name(name: str) -> str:
     """Return the name of a file before it was compressed."""
     return next((name.removesuffix(ending) for ending in COMPRESSIONS if name.endswith(ending)), name)
+
+
+def is_journal_name(name: str) -> bool:
+    """Return whether a file of that name is a journal, perhaps compressed."""
+    return plain_name(name).endswith(_JOURNAL_ENDING)
 
 
 def is_log_name(name: str) -> bool:

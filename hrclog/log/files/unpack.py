@@ -127,12 +127,26 @@ def load(path: Path) -> Loaded:
             data = b"" if kind is Format.SQLITE else stream.read()
     except OSError as error:
         raise LogReadError(path, f"a file that cannot be opened ({error.strerror})", "an event log") from error
+    return unpacked(path, data, kind)
+
+
+def unpacked(path: Path, data: bytes, kind: Format) -> Loaded:
+    """Undo the compression of a file that was read.
+
+    Args:
+        path: the file.
+        data: its bytes.
+        kind: its format.
+
+    Raises:
+        LogReadError: it unpacks to too much, was compressed more than twice, or holds nothing that can be unpacked.
+    """
     problems: list[Problem] = []
     for _ in range(_LAYERS):
         if kind in _STREAMS:
-            unpacked = _unpack_file(path, data, kind)
-            problems += unpacked.problems
-            data, kind = unpacked.data, recognise(unpacked.data[:HEAD_BYTES])
+            layer = _unpack_file(path, data, kind)
+            problems += layer.problems
+            data, kind = layer.data, recognise(layer.data[:HEAD_BYTES])
     if kind in _STREAMS:
         raise LogReadError(path, f"a file compressed more than {_LAYERS} times", "a log", "unpack it first")
     return Loaded(kind, data, problems)
@@ -140,13 +154,13 @@ def load(path: Path) -> Loaded:
 
 def _unpack_file(path: Path, data: bytes, kind: Format) -> Loaded:
     try:
-        unpacked = unpack(data, kind, bound(len(data)))
+        content = unpack(data, kind, bound(len(data)))
     except TooLargeError as error:
         raise LogReadError(path, str(error), "a log", "unpack it yourself if it really is one") from error
-    if not unpacked.trouble:
-        return Loaded(kind, unpacked.data, [])
-    if not unpacked.data:
-        raise LogReadError(path, f"{kind.value} that cannot be unpacked ({unpacked.trouble})", "a whole file")
-    left = counted(len(data) - unpacked.n_read, "byte")
-    text = f"the compressed file is damaged ({unpacked.trouble}); its last {left} could not be unpacked"
-    return Loaded(kind, unpacked.data, [Problem("truncated", unpacked.n_read, text)])
+    if not content.trouble:
+        return Loaded(kind, content.data, [])
+    if not content.data:
+        raise LogReadError(path, f"{kind.value} that cannot be unpacked ({content.trouble})", "a whole file")
+    left = counted(len(data) - content.n_read, "byte")
+    text = f"the compressed file is damaged ({content.trouble}); its last {left} could not be unpacked"
+    return Loaded(kind, content.data, [Problem("truncated", content.n_read, text)])

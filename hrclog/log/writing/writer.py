@@ -14,6 +14,7 @@ from mcap.writer import Writer as McapWriter
 from hrclog.errors import LogExistsError
 from hrclog.events import Event, RunStarted
 from hrclog.log.files.system import exists, replace_atomically
+from hrclog.log.mcap.attachments import Attachment
 from hrclog.log.messages import channels
 from hrclog.log.messages.encode import Message, Signal, event_message, run_metadata, signal_message
 from hrclog.log.writing.journal import LIBRARY
@@ -67,6 +68,11 @@ class FinishedWriter:
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record."""
         self._writer.add_metadata(name, dict(values))
+
+    def attachment(self, attachment: Attachment, content: bytes) -> None:
+        """Add an attachment of another file, with its content."""
+        times = attachment.create_time, attachment.log_time
+        self._writer.add_attachment(*times, attachment.name, attachment.media_type, content)
 
     def finish(self) -> None:
         """Write indexes and summary."""
