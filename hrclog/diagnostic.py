@@ -80,7 +80,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),
     "unprotected": (
         "info",
-        "no checksum covers the messages of the file, or of the one it was recovered from: damage to them cannot be seen",
+        "no checksum covers the messages of the file, or of the one it was recovered from: damage cannot be seen",
     ),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 import hrclog.log.writing.writer
 from hrclog.diagnostic import Diagnostic, loses_data
@@ -157,6 +159,104 @@ def test_a_file_that_lost_all_its_events_tells_of_it_in_metadata_alone(closed: P
     after = read_log(recover(closed).path, signals=True)
     assert after.events.filter(pl.col("kind") != "annotation_added").height == before.events.height
     assert len(told(after.diagnostics)) == 1
+
+
+def unprotected_journal(folder: Path, data: bytes) -> Path:
+    """Return the messages of a log as a journal that has no checksum."""
+    path = folder / "bare.mcap.partial"
+    with path.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False, compression=CompressionType.NONE, enable_crcs=False)
+        writer.start("ros2", "another recorder")
+        ids: dict[int, int] = {}
+        for schema, channel, message in make_reader(io.BytesIO(data)).iter_messages(log_time_order=False):
+            assert schema is not None
+            if channel.id not in ids:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, schema_id, channel.metadata
+                )
+            times = message.log_time, message.data, message.publish_time, message.sequence
+            writer.add_message(ids[channel.id], *times)
+        writer.finish()
+    data = path.read_bytes()
+    end = next(record[1] for record in Walk(data, []) if record[0] == Opcode.DATA_END)
+    path.write_bytes(data[:end])
+    return path
+
+
+@pytest.mark.parametrize("n_cut", [0, 3])
+def test_a_log_recovered_from_a_file_without_checksums_says_so(closed: Path, tmp_path: Path, n_cut: int) -> None:
+    journal = unprotected_journal(tmp_path, closed.read_bytes())
+    data = journal.read_bytes()
+    journal.write_bytes(data[: len(data) - n_cut])
+    before = read_log(journal)
+    recovered = recover(journal)
+    after = read_log(recovered.path)
+    (remark,) = (finding for finding in after.diagnostics if finding.code == "unprotected")
+    assert "bare.mcap.partial" in remark.message
+    assert remark.severity == "info"
+    assert bool(told(after.diagnostics)) is bool(n_cut)
+    assert loses_data(after.diagnostics) is loses_data(before.diagnostics) is bool(n_cut)
+    write_log(tmp_path / "copy.mcap", [from_row(row) for row in after.events.iter_rows(named=True)])
+    copied = read_logs(tmp_path / "copy.mcap").diagnostics
+    assert [finding.message for finding in copied if finding.code == "unprotected"] == [remark.message]
+    assert told(copied) == told(after.diagnostics)
+    journal.write_bytes(data[: len(data) - n_cut])
+    assert recover(journal).path.read_bytes() == recovered.path.read_bytes()
+
+
+@pytest.mark.parametrize("n_lost", [0, 1, 2, 5])
+def test_the_annotation_takes_no_number_of_an_event(tmp_path: Path, n_lost: int) -> None:
+    events = [replace(event, seq=seq) for seq, event in enumerate(events_of("a", 20))]
+    write_parts(tmp_path, events[: 12 - n_lost], events[12:])
+    whole = read_logs(tmp_path).diagnostics
+    source = tmp_path / "a.mcap"
+    source.write_bytes(source.read_bytes()[:-30])
+    recovered = recover(source)
+    assert recovered.problems
+    source.unlink()
+    both = read_logs(tmp_path).diagnostics
+    missing = [finding.message for finding in whole if finding.code == "events_missing"]
+    assert len(missing) == bool(n_lost)
+    assert [finding.message for finding in both if finding.code != CODE] == missing
+
+
+def write_parts(folder: Path, first: list[Event], second: list[Event]) -> None:
+    """Write a run into two files, each event with the number that it has."""
+    for name, events in (("a", first), ("b", second)):
+        journal = Journal(folder / f"{name}.mcap.partial")
+        journal.append(*(event_message(event, event.time_ns) for event in events))
+        journal.close()
+        recover(journal.path)
+
+
+def test_a_recovered_log_whose_numbers_were_never_set_is_numbered(tmp_path: Path) -> None:
+    write_parts(tmp_path, [replace(event, seq=0) for event in events_of("a", 20)], [])
+    source = tmp_path / "a.mcap"
+    source.write_bytes(source.read_bytes()[:-30])
+    codes = sorted(finding.code for finding in read_logs(recover(source).path).diagnostics)
+    assert codes == [CODE, "seq_never_set"]
+
+
+def test_a_run_of_one_event_is_recovered_without_a_word_on_its_number(tmp_path: Path) -> None:
+    write_parts(tmp_path, events_of("a", 2)[:1], [])
+    source = tmp_path / "a.mcap"
+    source.write_bytes(source.read_bytes()[:-30])
+    assert [finding.code for finding in read_logs(recover(source).path).diagnostics] == [CODE]
+
+
+def test_the_annotation_says_nothing_of_clocks(tmp_path: Path) -> None:
+    day_ns = 86_400 * 10**9
+    journal = Journal(tmp_path / "late.mcap.partial")
+    for seq in range(30):
+        beat = Heartbeat(time_ns=seq * 10**9, run_id="a", seq=seq, agent="robot")
+        journal.append(event_message(beat, 3 * day_ns + seq))
+    journal.close()
+    data = journal.path.read_bytes()
+    before = {finding.code for finding in read_logs(journal.path).diagnostics}
+    journal.path.write_bytes(data[:-3])
+    after = {finding.code for finding in read_logs(recover(journal.path).path).diagnostics}
+    assert after == before - {"unfinished_log"} | {CODE}
 
 
 @settings(max_examples=40)

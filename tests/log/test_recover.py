@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
+from collections.abc import Callable
 from pathlib import Path
 
 import polars as pl
 import pytest
+import zstandard
 from folders import names_in
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -87,6 +90,17 @@ def test_a_torn_journal_is_recovered_up_to_the_tear_and_kept(tmp_path: Path, whe
         assert kept.read_bytes() == torn
 
 
+def test_every_damaged_journal_is_kept_under_a_name_of_its_own(tmp_path: Path) -> None:
+    journal = write_journal(tmp_path)
+    whole = journal.path.read_bytes()
+    for cut in (10, 20, 30):
+        journal.path.write_bytes(whole[:-cut])
+        recover(journal.path, tmp_path / f"{cut}.mcap")
+    kept = {path.name: len(path.read_bytes()) - len(whole) for path in tmp_path.glob("*.damaged*")}
+    name = "run.mcap.partial.damaged"
+    assert kept == {name: -10, f"{name}.2": -20, f"{name}.3": -30}
+
+
 def test_recovery_goes_where_it_is_told(tmp_path: Path) -> None:
     journal = write_journal(tmp_path)
     assert recover(journal.path, tmp_path / "other.mcap").path == tmp_path / "other.mcap"
@@ -160,6 +174,86 @@ def test_a_file_without_a_header_is_refused_and_kept(tmp_path: Path, content: by
     assert names_in(tmp_path) == [path.name]
 
 
+@pytest.mark.parametrize(
+    ("content", "is_nothing"),
+    [
+        (b"", True),
+        (bytes(4096), True),
+        (b"\x89MCAP", True),
+        (b"\x89MCAP0\r\n", True),
+        (b"\x89MCAP0\r\n\x01\x18\0\0\0\0\0\0\0\4\0\0\0ros2", True),
+        (b"\x89MCAP0\r\n" + b"?" * 900, False),
+        (b"a text", False),
+        (b'{"kind": "task_started"}', False),
+        (b"PK\3\4 an archive", False),
+    ],
+)
+def test_only_what_holds_nothing_may_be_deleted(tmp_path: Path, content: bytes, is_nothing: bool) -> None:
+    path = tmp_path / "run.mcap.partial"
+    path.write_bytes(content)
+    with pytest.raises(LogReadError) as refusal:
+        recover(path)
+    assert ("delete it" in str(refusal.value)) is is_nothing
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("a.db3", b"SQLite format 3\0" + bytes(90)), ("a.bag.active", b"#ROSBAG V2.0\n"), ("b.mcap", b"#ROSBAG V2.0\n")],
+)
+@pytest.mark.parametrize("packed", [bytes, gzip.compress, zstandard.compress])
+def test_logs_of_other_formats_are_named_and_left_alone(
+    tmp_path: Path, name: str, content: bytes, packed: Callable[[bytes], bytes]
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(packed(content))
+    with pytest.raises(LogReadError, match=r"found a(n SQLite file| ROS 1 bag), .* read it as it is"):
+        recover(path)
+    assert names_in(tmp_path) == [name]
+
+
+@pytest.mark.parametrize("packed", [gzip.compress, zstandard.compress])
+@pytest.mark.parametrize(
+    ("name", "target"),
+    [("run.mcap.gz", "run.recovered.mcap"), ("run.mcap.partial.zst", "run.mcap"), ("run", "run.recovered.mcap")],
+)
+def test_a_compressed_log_is_recovered_beside_it(
+    tmp_path: Path, name: str, target: str, packed: Callable[[bytes], bytes]
+) -> None:
+    journal = write_journal(tmp_path)
+    path = tmp_path / name
+    whole = packed(journal.path.read_bytes())
+    path.write_bytes(whole)
+    journal.path.unlink()
+    before = read_logs(path, signals=True)
+    recovered = recover(path)
+    assert bool(recovered.problems) is ("partial" not in name)
+    assert names_in(tmp_path) == sorted([name, target])
+    after = read_logs(tmp_path / target, signals=True)
+    assert without_remarks(after.events).equals(before.events.drop("path"))
+    assert after.signals.equals(before.signals)
+    closed = tmp_path / "closed.mcap.gz"
+    closed.write_bytes(packed(closed_log(tmp_path)))
+    assert recover(closed).path == closed
+
+
+def test_of_a_compressed_log_that_breaks_off_the_loss_is_told(tmp_path: Path) -> None:
+    whole = gzip.compress(write_journal(tmp_path).path.read_bytes())
+    path = tmp_path / "torn.mcap.partial.gz"
+    path.write_bytes(whole[: len(whole) * 3 // 4])
+    torn = recover(path)
+    assert "the compressed file is damaged" in torn.problems[0].message
+    assert loses_data(read_logs(torn.path).diagnostics)
+
+
+def closed_log(folder: Path) -> bytes:
+    """Return the bytes of a closed log."""
+    path = folder / "whole.mcap"
+    write_log(path, [Heartbeat(time_ns=time_ns, run_id="r") for time_ns in range(5)])
+    data = path.read_bytes()
+    path.unlink()
+    return data
+
+
 @pytest.mark.parametrize("name", ["missing.mcap.partial", "a\0b", "n" * 300, "."])
 def test_a_file_that_cannot_be_opened_is_said_so(tmp_path: Path, name: str) -> None:
     with pytest.raises(LogReadError, match="a file that cannot be opened"):
@@ -177,6 +271,8 @@ def test_a_log_of_another_writer_keeps_its_schemas_and_channels(tmp_path: Path, 
 
 def test_names_of_journals_lead_to_those_of_their_logs() -> None:
     assert finished_path(Path("a/run.2.mcap.partial")) == Path("a/run.2.mcap")
+    assert finished_path(Path("a/run.2.mcap.partial.gz")) == Path("a/run.2.mcap")
+    assert finished_path(Path("a/run.mcap.zstd")) == Path("a/run.recovered.mcap")
     assert finished_path(Path("a/run.mcap")) == Path("a/run.recovered.mcap")
     assert finished_path(Path("a/run.mcap.partial.damaged")) == Path("a/run.mcap.partial.recovered.mcap")
 
