@@ -15,6 +15,8 @@ from hrclog.events import AnnotationAdded
 RECOVERED: Final = "hrclog.recovered"
 """Name of the metadata record, and of the member in the details of an annotation, that hold what was lost."""
 
+_MEMBER: Final = f'"{RECOVERED}"'
+
 
 def remarks_among(events: pl.DataFrame) -> pl.DataFrame:
     """Return those of some events that recoveries added."""
@@ -38,7 +40,10 @@ def numbered_apart(events: pl.DataFrame) -> pl.DataFrame:
 
 
 def _may_hold_remarks(events: pl.DataFrame) -> bool:
-    return bool((events["kind"] == AnnotationAdded.kind).any())
+    is_annotation = events["kind"] == AnnotationAdded.kind
+    if not is_annotation.any():
+        return False
+    return bool(events["details"].filter(is_annotation).str.contains(_MEMBER, literal=True).any())
 
 
 def _is_annotation() -> pl.Expr:
@@ -46,4 +51,4 @@ def _is_annotation() -> pl.Expr:
 
 
 def _is_of_recovery() -> pl.Expr:
-    return pl.col("details").str.contains(f'"{RECOVERED}"', literal=True).fill_null(value=False)
+    return pl.col("details").str.contains(_MEMBER, literal=True).fill_null(value=False)

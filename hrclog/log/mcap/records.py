@@ -79,6 +79,7 @@ class Walk:
         self._problems = problems
         self._end = len(data) if end is None else end
         self._chunked = False
+        self._led_to = 0  # from here to there records follow each other
         self._position = begin or (len(MAGIC) if data.startswith(MAGIC) else 0)
 
     def __iter__(self) -> Iterator[Record]:
@@ -92,7 +93,7 @@ class Walk:
             hidden = self._hidden_chunk(record)
             if hidden is not None:
                 self._problems.append(_gap(self._position, hidden))
-                self._position = hidden
+                self._go_on(hidden)
                 continue
             self._position = record[3]
             yield record
@@ -100,7 +101,7 @@ class Walk:
     def distrust(self, record: Record, reason: str) -> None:
         """Report a record that was just yielded as damaged; its length may be wrong, so look for chunks inside it."""
         inside = next_chunk(self._data, record[1] + 1, record[3], self._end)
-        self._position = record[3] if inside is None else inside
+        self._go_on(record[3] if inside is None else inside)
         self._problems.append(Problem("corrupt_data", record[1], reason, self._position - record[1]))
 
     def _skip_gap(self) -> None:
@@ -111,7 +112,11 @@ class Walk:
             self._problems.append(Problem("truncated", self._position, text, n_left))
         else:
             self._problems.append(_gap(self._position, following))
-        self._position = self._end if following is None else following
+        self._go_on(self._end if following is None else following)
+
+    def _go_on(self, position: int) -> None:
+        """Go on elsewhere than behind a record."""
+        self._position, self._led_to = position, 0
 
     def _hidden_chunk(self, record: Record) -> int | None:
         """Return where to go on behind a record that hides a chunk, as its opcode or length is damaged; None if not."""
@@ -142,12 +147,17 @@ class Walk:
 
     def _leads_on(self, position: int) -> bool:
         """Return whether records follow each other from a position to a valid chunk, or to the end of the file."""
+        if position <= self._led_to:
+            return True
         while record := record_at(self._data, position, self._end):
-            if _has_valid_checksum(self._data, record) and record[0] == Opcode.CHUNK:
+            if record[0] == Opcode.CHUNK and _has_valid_checksum(self._data, record):
+                self._led_to = position
                 return True
             position = record[3]
-        at_magic = self._data.startswith(MAGIC, position) and position + len(MAGIC) == self._end
-        return position == self._end or at_magic
+        if position < self._end and self._data[position : min(position + len(MAGIC) + 1, self._end)] != MAGIC:
+            return False
+        self._led_to = position
+        return True
 
 
 def record_at(data: bytes, position: int, end: int) -> Record | None:
