@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import TypeVar
 
-from hrclog.errors import IllegalEventError
+from hrclog.errors import IllegalEventError, LogReadError
 from hrclog.events import CLOCK_SHIFT, Event, Outcome, RunEnded, RunStarted, TaskFact
 from hrclog.forks import renew_after_fork
+from hrclog.log.files.system import exists
+from hrclog.log.losses import Loss, remark
 from hrclog.log.messages.encode import Signal, event_message, run_metadata, signal_message
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import Journal, journal_path
@@ -31,6 +34,15 @@ def steady_clock() -> Callable[[], int]:
     """Return a clock of ns since the epoch that never runs backwards, whatever is done to the system's clock."""
     offset = time.time_ns() - time.monotonic_ns()
     return lambda: offset + time.monotonic_ns()
+
+
+def _finish(journal: Path, log: Path) -> None:
+    """Turn a closed journal into its log; another process may be doing so already."""
+    try:
+        recover(journal, log, wait=True)
+    except LogReadError:
+        if exists(journal) or not exists(log):
+            raise
 
 
 class EventRecorder:
@@ -69,7 +81,7 @@ class EventRecorder:
             self._lanes.begin(handle.fact)
         if self._shift_ns:
             started = replace(started, details={**started.details, CLOCK_SHIFT: self._shift_ns})
-        self._open(started, Journal(journal_path(self.path), fsync=fsync))
+        self._open(started, segment.losses, Journal(journal_path(self.path), fsync=fsync))
 
     def record(self, event: AnyEvent) -> AnyEvent:
         """Record any event; its run_id and seq are set here. Returns the event as it was written.
@@ -145,7 +157,7 @@ class EventRecorder:
                 self.record(RunEnded(time_ns=instant(time_ns), outcome=str(outcome), reason=reason))
             journal, self._journal = self._journal, None
             journal.close()
-            recover(journal.path, self.path)
+            _finish(journal.path, self.path)
 
     def renew_after_fork(self) -> None:
         """Let go of the journal, and wait for no thread left behind, in a process forked from the recorder's."""
@@ -153,11 +165,13 @@ class EventRecorder:
         if self._journal is not None:
             self._journal.close()  # else its lock would outlive the process that records
 
-    def _open(self, started: RunStarted, journal: Journal) -> None:
-        """Write the first event, or leave no journal behind."""
+    def _open(self, started: RunStarted, losses: Iterable[Loss], journal: Journal) -> None:
+        """Write the first events, or leave no journal behind."""
         self._journal = journal
         try:
             journal.metadata(RUN_METADATA, run_metadata(self.record(started)))
+            for loss in losses:
+                self.record(replace(remark(loss), time_ns=NOW))
         except BaseException:
             self._journal = None
             journal.close()

@@ -6,7 +6,6 @@ import io
 import signal
 import sys
 from dataclasses import asdict
-from itertools import count, takewhile
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Self
@@ -163,9 +162,9 @@ class _Tale:
 
 def _segments(path: Path) -> list[Path]:
     """Return all segments of the run at a path, in order."""
-    from hrclog.recorders.segments import segment_path
+    from hrclog.recorders.segments import segments
 
-    return list(takewhile(Path.exists, (segment_path(path, number) for number in count(1))))
+    return [segment for segment in segments(path) if segment.exists()]
 
 
 def _as_json(result: Recording) -> dict[str, object]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -116,11 +117,13 @@ def remarks_on(loss: Loss, events: pl.DataFrame) -> list[AnnotationAdded]:
     )
     ends = placed.group_by("run_id", maintain_order=True).agg(pl.col("seq").max(), pl.col("time_ns").max())
     return [
-        AnnotationAdded(
-            run_id=run_id, seq=seq + 1, time_ns=time_ns, reason=loss_text(loss), details={RECOVERED: dict(loss)}
-        )
-        for run_id, seq, time_ns in ends.iter_rows()
+        replace(remark(loss), run_id=run_id, seq=seq + 1, time_ns=time_ns) for run_id, seq, time_ns in ends.iter_rows()
     ]
+
+
+def remark(loss: Loss) -> AnnotationAdded:
+    """Return the annotation that tells of a loss, of no run and at no instant."""
+    return AnnotationAdded(time_ns=0, reason=loss_text(loss), details={RECOVERED: dict(loss)})
 
 
 def _loss_in(details: str) -> Loss:
