@@ -48,6 +48,11 @@ def _finish(journal: Path, log: Path) -> None:
 class EventRecorder:
     """Write the events of one run, in an order that the state machine allows; from any thread.
 
+    Attributes:
+        path: the log to be.
+        run_id: of the run.
+        losses: what of the run was found lost when it was resumed, in words.
+
     Args:
         segment: where to write, and what the run has come to before.
         started: the first event.
@@ -63,6 +68,7 @@ class EventRecorder:
     def __init__(self, segment: Segment, started: RunStarted, *, fsync: bool, clock_ns: Callable[[], int]) -> None:
         self.path = segment.path
         self.run_id = segment.run_id
+        self.losses = segment.told
         self._clock_ns = clock_ns
         self._journal: Journal | None = None
         self._lock = threading.RLock()

@@ -14,11 +14,11 @@ from hrclog.errors import InvalidEventError, LogExistsError, LogReadError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import TaskFact
 from hrclog.ids import new_id
-from hrclog.log.begun import clear
+from hrclog.log.begun import Cleared, clear
 from hrclog.log.files.system import exists
-from hrclog.log.losses import Loss
+from hrclog.log.losses import Loss, loss_text
 from hrclog.log.reader import read_logs
-from hrclog.log.recover import recover
+from hrclog.log.recover import Recovered, recover
 from hrclog.log.writing.journal import PARTIAL_SUFFIX, journal_path
 from hrclog.state import PLANNED, ExecutionState, apply
 
@@ -37,6 +37,7 @@ class Segment:
         facts: the first fact of each execution.
         last_ns: the latest instant so far.
         losses: what destroyed journals held, of which no log is left that could tell of it.
+        told: what was lost of the run when its journals were closed, in words.
     """
 
     path: Path
@@ -48,6 +49,7 @@ class Segment:
     facts: Mapping[str, TaskFact] = field(default_factory=dict)
     last_ns: int = 0
     losses: tuple[Loss, ...] = ()
+    told: tuple[str, ...] = ()
 
 
 def first_segment(path: Path) -> Segment:
@@ -76,16 +78,17 @@ def next_segment(path: Path) -> Segment:
     if not numbers:
         raise LogReadError(path, "nothing", "a run to continue", "record it without resume")
     closed = [_close_journal(segment_path(path, number)) for number in numbers]
-    losses = tuple(loss for loss in closed if loss is not None)
+    losses = tuple(result.loss for result in closed if isinstance(result, Cleared) and result.loss is not None)
+    told = tuple(filter(None, map(_loss_text, closed)))
     segments = [number for number in numbers if exists(segment_path(path, number))]
     if not segments:
-        return replace(first_segment(path), losses=losses)
+        return replace(first_segment(path), losses=losses, told=told)
     events = read_logs([segment_path(path, number) for number in segments]).events
     n_runs = events["run_id"].n_unique()
     if n_runs != 1:
         raise LogReadError(path, f"{n_runs} runs", "one run to continue", "record under another name")
     number = segments[-1] + 1
-    return replace(_continuing_segment(segment_path(path, number), number, events), losses=losses)
+    return replace(_continuing_segment(segment_path(path, number), number, events), losses=losses, told=told)
 
 
 def segments(path: Path) -> list[Path]:
@@ -108,16 +111,20 @@ def _segment_numbers(path: Path) -> list[int]:
     return sorted({int(match[1] or 1) for match in matches if match and match[1] != "1"})
 
 
-def _close_journal(log: Path) -> Loss | None:
-    """Close the journal of a segment, if there is one; return what was lost where no log can tell of it."""
+def _close_journal(log: Path) -> Cleared | Recovered | None:
+    """Close the journal of a segment, if there is one."""
     journal = journal_path(log)
-    if not exists(journal):
-        return None
-    cleared = clear(journal)
-    if cleared is None:
-        recover(journal, log)
-        return None
-    return cleared.loss
+    return (clear(journal) or recover(journal, log)) if exists(journal) else None
+
+
+def _loss_text(closed: Cleared | Recovered | None) -> str:
+    """Say what was lost of a journal, if anything."""
+    if isinstance(closed, Recovered) and closed.problems:
+        places = f"{closed.problems[0].message}{' and more' if len(closed.problems) > 1 else ''}"
+        return f"{closed.path}: it was recovered from a damaged journal: {places}"
+    if isinstance(closed, Cleared) and closed.loss is not None:
+        return f"a journal of this run held no event that can be read: {loss_text(closed.loss)}"
+    return ""
 
 
 def _continuing_segment(path: Path, number: int, events: pl.DataFrame) -> Segment:

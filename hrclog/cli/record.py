@@ -108,6 +108,7 @@ def command(
             on_sample=tale.sample,
             on_refusal=tale.refusal,
             on_run=tale.run,
+            on_loss=tale.loss,
             outcome=lambda: "canceled" if lines.stopped else "succeeded",
         )
         if as_json:
@@ -115,7 +116,7 @@ def command(
         elif result.refused:
             echo(f"{counted(len(result.refused), 'line')} refused", err=True)
         code = following.catch_up(" ".join(map(str, tale.logs)))
-    return max(code, EXIT_DATA_LOST if result.refused else EXIT_FINE)
+    return max(code, EXIT_DATA_LOST if result.refused or result.losses else EXIT_FINE)
 
 
 class _Tale:
@@ -145,6 +146,10 @@ class _Tale:
         """Say why a line was refused."""
         echo(f"error: line {refused.line}: {refused.reason}", err=True)
         self._acknowledge({"line": refused.line, "error": refused.reason})
+
+    def loss(self, text: str) -> None:
+        """Say what was lost of the run before it was resumed."""
+        echo(f"error: {text}", err=True)
 
     def run(self, recorded: Recorded) -> None:
         """Say where a finished run is, and let the knowledge base take it in."""
@@ -176,5 +181,6 @@ def _as_json(result: Recording) -> dict[str, object]:
         "n_events": sum(run.n_events for run in result.runs),
         "n_samples": sum(run.n_samples for run in result.runs),
         "n_refused": len(result.refused),
+        "losses": list(result.losses),
         "runs": [asdict(run) | {"path": str(run.path)} for run in result.runs],
     }
