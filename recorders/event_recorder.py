@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from hrclog.errors import IllegalEventError, LogReadError
-from hrclog.events import CLOCK_SHIFT, Event, Outcome, RunEnded, RunStarted, TaskFact
+from hrclog.events import CLOCK_SHIFT, AnnotationAdded, Event, Outcome, RunEnded, RunStarted, TaskFact
 from hrclog.forks import renew_after_fork
 from hrclog.log.files.system import exists
 from hrclog.log.losses import Loss, remark
@@ -24,10 +24,12 @@ from hrclog.log.writing.writer import RUN_METADATA
 from hrclog.recorders.segments import Segment
 from hrclog.recorders.task_handle import NOW, TaskHandle, instant
 from hrclog.state import PLANNED, ExecutionState, Phase, apply
+from hrclog.units import NS_PER_S
 
 AnyEvent = TypeVar("AnyEvent", bound=Event)
 
 _OPEN = (Phase.STARTED, Phase.PAUSED)
+_JITTER_NS = 100_000_000  # by which a clock that threads or computers share may seem to go back
 
 
 def steady_clock() -> Callable[[], int]:
@@ -82,6 +84,7 @@ class EventRecorder:
         self._last_ns: dict[str, int] = {key: self._states[key].start_ns or 0 for key in self._open_ids}
         self._floor_ns = segment.last_ns
         self._shift_ns = max(segment.last_ns - clock_ns(), 0) if segment.number > 1 else 0
+        self._untold_ns = 0  # of the shift
         self._pid = os.getpid()
         for handle in self.open_executions():
             self._lanes.begin(handle.fact)
@@ -102,6 +105,8 @@ class EventRecorder:
             if self._ended:
                 raise IllegalEventError(f"{self.path}: found {event.kind} after run_ended, expected nothing more")
             now = self._now()
+            if self._untold_ns and CLOCK_SHIFT not in event.details:
+                self._tell_put_back()
             time_ns = now if event.time_ns == NOW else event.time_ns
             numbered = replace(event, run_id=self.run_id, seq=self._seq, time_ns=time_ns)
             state = self._next_state(numbered)
@@ -224,9 +229,23 @@ class EventRecorder:
         return state
 
     def _now(self) -> int:
-        """Return the clock's instant, never before an earlier result or what the run held before."""
-        self._floor_ns = max(self._clock_ns() + self._shift_ns, self._floor_ns)
+        """Return the clock's instant, never before an earlier result or what the run held before.
+
+        Where the clock was put back, instants go on from the last one at the clock's pace.
+        """
+        now = self._clock_ns() + self._shift_ns
+        behind_ns = self._floor_ns - now
+        if behind_ns > _JITTER_NS:
+            self._shift_ns += behind_ns
+            self._untold_ns += behind_ns
+        self._floor_ns = max(now, self._floor_ns)
         return self._floor_ns
+
+    def _tell_put_back(self) -> None:
+        """Record that the clock was put back since the last event."""
+        shift_ns, self._untold_ns = self._untold_ns, 0
+        reason = f"the recorder's clock was put back by {shift_ns / NS_PER_S:g} s; later times are shifted by that"
+        self.record(AnnotationAdded(time_ns=NOW, reason=reason, details={CLOCK_SHIFT: shift_ns}))
 
     def _open_journal(self) -> Journal:
         if os.getpid() != self._pid:

@@ -831,6 +831,25 @@ def test_a_clock_that_is_set_back_while_the_run_was_stopped_does_not_run_backwar
 
 
 @settings(max_examples=10)
+@given(st.lists(st.integers(-(10**13), -(10**9)), min_size=1, max_size=3), st.integers(1, 10**11))
+def test_however_the_clock_is_put_back_between_tasks_they_keep_their_lengths(shifts: list[int], length_ns: int) -> None:
+    now = [10**15]
+    with TemporaryDirectory() as folder:
+        with Recorder(Path(folder) / "run.mcap", clock_ns=lambda: now[0]) as recorder:
+            for shift in [0, *shifts]:
+                now[0] += shift
+                for _ in range(2):
+                    with recorder.task("robot", "fetch"):
+                        now[0] += length_ns
+                    now[0] += 5
+        logs = read_logs(folder)
+        executions = intervals(logs.events)
+        assert set(executions["end_ns"] - executions["start_ns"]) == {length_ns}
+        assert executions["start_ns"].is_sorted()
+        assert [finding.code for finding in logs.diagnostics] == ["clock_put_back"] * len(shifts)
+
+
+@settings(max_examples=10)
 @given(st.lists(st.integers(-(10**13), 10**13), min_size=1, max_size=3), st.integers(1, 10**11))
 def test_however_the_clock_is_put_while_a_run_is_stopped_its_tasks_keep_their_lengths(
     shifts: list[int], length_ns: int
