@@ -72,7 +72,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "an execution's times run backwards: a clock was put back, and how long it took is not known",
     ),
-    "clock_put_back": ("warning", "the recorder's clock was put back before a run went on; later times were shifted"),
+    "clock_put_back": ("warning", "the recorder's clock was put back; the times of the run were shifted from there on"),
     "time_not_monotonic": ("warning", "times run backwards against the order of writing; the times were believed"),
     "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
     # facts

@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import TypeVar
 
-from hrclog.errors import IllegalEventError
-from hrclog.events import CLOCK_SHIFT, Event, Outcome, RunEnded, RunStarted, TaskFact
+from hrclog.errors import IllegalEventError, LogReadError
+from hrclog.events import CLOCK_SHIFT, AnnotationAdded, Event, Outcome, RunEnded, RunStarted, TaskFact
 from hrclog.forks import renew_after_fork
+from hrclog.log.files.system import exists
+from hrclog.log.losses import Loss, remark
 from hrclog.log.messages.encode import Signal, event_message, run_metadata, signal_message
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import Journal, journal_path
@@ -21,10 +24,12 @@ from hrclog.log.writing.writer import RUN_METADATA
 from hrclog.recorders.segments import Segment
 from hrclog.recorders.task_handle import NOW, TaskHandle, instant
 from hrclog.state import PLANNED, ExecutionState, Phase, apply
+from hrclog.units import NS_PER_S
 
 AnyEvent = TypeVar("AnyEvent", bound=Event)
 
 _OPEN = (Phase.STARTED, Phase.PAUSED)
+_JITTER_NS = 100_000_000  # by which a clock that threads or computers share may seem to go back
 
 
 def steady_clock() -> Callable[[], int]:
@@ -33,8 +38,22 @@ def steady_clock() -> Callable[[], int]:
     return lambda: offset + time.monotonic_ns()
 
 
+def _finish(journal: Path, log: Path) -> None:
+    """Turn a closed journal into its log; another process may be doing so already."""
+    try:
+        recover(journal, log, wait=True)
+    except LogReadError:
+        if exists(journal) or not exists(log):
+            raise
+
+
 class EventRecorder:
     """Write the events of one run, in an order that the state machine allows; from any thread.
+
+    Attributes:
+        path: the log to be.
+        run_id: of the run.
+        losses: what of the run was found lost when it was resumed, in words.
 
     Args:
         segment: where to write, and what the run has come to before.
@@ -51,6 +70,7 @@ class EventRecorder:
     def __init__(self, segment: Segment, started: RunStarted, *, fsync: bool, clock_ns: Callable[[], int]) -> None:
         self.path = segment.path
         self.run_id = segment.run_id
+        self.losses = segment.told
         self._clock_ns = clock_ns
         self._journal: Journal | None = None
         self._lock = threading.RLock()
@@ -64,12 +84,13 @@ class EventRecorder:
         self._last_ns: dict[str, int] = {key: self._states[key].start_ns or 0 for key in self._open_ids}
         self._floor_ns = segment.last_ns
         self._shift_ns = max(segment.last_ns - clock_ns(), 0) if segment.number > 1 else 0
+        self._untold_ns = 0  # of the shift
         self._pid = os.getpid()
         for handle in self.open_executions():
             self._lanes.begin(handle.fact)
         if self._shift_ns:
             started = replace(started, details={**started.details, CLOCK_SHIFT: self._shift_ns})
-        self._open(started, Journal(journal_path(self.path), fsync=fsync))
+        self._open(started, segment.losses, Journal(journal_path(self.path), fsync=fsync))
 
     def record(self, event: AnyEvent) -> AnyEvent:
         """Record any event; its run_id and seq are set here. Returns the event as it was written.
@@ -84,6 +105,8 @@ class EventRecorder:
             if self._ended:
                 raise IllegalEventError(f"{self.path}: found {event.kind} after run_ended, expected nothing more")
             now = self._now()
+            if self._untold_ns and CLOCK_SHIFT not in event.details:
+                self._tell_put_back()
             time_ns = now if event.time_ns == NOW else event.time_ns
             numbered = replace(event, run_id=self.run_id, seq=self._seq, time_ns=time_ns)
             state = self._next_state(numbered)
@@ -145,7 +168,7 @@ class EventRecorder:
                 self.record(RunEnded(time_ns=instant(time_ns), outcome=str(outcome), reason=reason))
             journal, self._journal = self._journal, None
             journal.close()
-            recover(journal.path, self.path)
+            _finish(journal.path, self.path)
 
     def renew_after_fork(self) -> None:
         """Let go of the journal, and wait for no thread left behind, in a process forked from the recorder's."""
@@ -153,11 +176,13 @@ class EventRecorder:
         if self._journal is not None:
             self._journal.close()  # else its lock would outlive the process that records
 
-    def _open(self, started: RunStarted, journal: Journal) -> None:
-        """Write the first event, or leave no journal behind."""
+    def _open(self, started: RunStarted, losses: Iterable[Loss], journal: Journal) -> None:
+        """Write the first events, or leave no journal behind."""
         self._journal = journal
         try:
             journal.metadata(RUN_METADATA, run_metadata(self.record(started)))
+            for loss in losses:
+                self.record(replace(remark(loss), time_ns=NOW))
         except BaseException:
             self._journal = None
             journal.close()
@@ -204,9 +229,23 @@ class EventRecorder:
         return state
 
     def _now(self) -> int:
-        """Return the clock's instant, never before an earlier result or what the run held before."""
-        self._floor_ns = max(self._clock_ns() + self._shift_ns, self._floor_ns)
+        """Return the clock's instant, never before an earlier result or what the run held before.
+
+        Where the clock was put back, instants go on from the last one at the clock's pace.
+        """
+        now = self._clock_ns() + self._shift_ns
+        behind_ns = self._floor_ns - now
+        if behind_ns > _JITTER_NS:
+            self._shift_ns += behind_ns
+            self._untold_ns += behind_ns
+        self._floor_ns = max(now, self._floor_ns)
         return self._floor_ns
+
+    def _tell_put_back(self) -> None:
+        """Record that the clock was put back since the last event."""
+        shift_ns, self._untold_ns = self._untold_ns, 0
+        reason = f"the recorder's clock was put back by {shift_ns / NS_PER_S:g} s; later times are shifted by that"
+        self.record(AnnotationAdded(time_ns=NOW, reason=reason, details={CLOCK_SHIFT: shift_ns}))
 
     def _open_journal(self) -> Journal:
         if os.getpid() != self._pid:

@@ -52,10 +52,11 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """The result of recording a stream of lines."""
+    """The result of recording a stream of lines: its runs, what was not recorded, and what was lost before."""
 
     runs: list[Recorded]
     refused: list[Refused]
+    losses: tuple[str, ...] = ()
 
 
 def record_stream(
@@ -69,6 +70,7 @@ def record_stream(
     on_sample: Callable[[Sample], None] = lambda _: None,
     on_refusal: Callable[[Refused], None] = lambda _: None,
     on_run: Callable[[Recorded], None] = lambda _: None,
+    on_loss: Callable[[str], None] = lambda _: None,
     outcome: Callable[[], str] = lambda: Outcome.SUCCEEDED,
 ) -> Recording:
     """Record runs from JSON lines until they end.
@@ -79,9 +81,10 @@ def record_stream(
     further facts belong into `details`. Empty lines are passed over.
 
     A run begins with the first line that can be recorded, at its `time_ns` if it has one. A `run_started` line also
-    gives the name, the agents and its other fields. A run ends with `run_ended`, with the `run_started` of another run,
-    or with the lines; where no `run_ended` ends it, then at the `time_ns` of its last line, if that line has one. The
-    first run goes to `path`, each further one to the first free name of NAME-run2.mcap, NAME-run3.mcap and so on.
+    gives the name, the agents and its other fields; one that follows task events begins another run. A run ends with
+    `run_ended`, with the `run_started` of another run, or with the lines; where no `run_ended` ends it, then at the
+    `time_ns` of its last line, if that line has one. The first run goes to `path`, each further one to the first free
+    name of NAME-run2.mcap, NAME-run3.mcap and so on.
 
     Args:
         lines: text lines.
@@ -93,6 +96,7 @@ def record_stream(
         on_sample: called after each sample has been written.
         on_refusal: called for each line that is not recorded, at once.
         on_run: called after each log has been finished.
+        on_loss: called for each thing that was found lost of the run that is resumed.
         outcome: asked for the outcome of a run that no `run_ended` ended.
 
     Raises:
@@ -102,12 +106,12 @@ def record_stream(
     """
     if not resume:
         first_segment(log_path(path))  # say so before waiting for input
-    hooks = _Hooks(on_event, on_sample, on_refusal, on_run, outcome)
+    hooks = _Hooks(on_event, on_sample, on_refusal, on_run, on_loss, outcome)
     with _Runs(log_path(path), run, resume=resume, fsync=fsync, hooks=hooks) as runs:
         for number, line in enumerate(lines, 1):
             runs.take_line(number, line if number > 1 else line.removeprefix(_BYTE_ORDER_MARK))
         runs.end()
-    return Recording(runs.finished, runs.refused)
+    return Recording(runs.finished, runs.refused, runs.losses)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +122,7 @@ class _Hooks:
     on_sample: Callable[[Sample], None]
     on_refusal: Callable[[Refused], None]
     on_run: Callable[[Recorded], None]
+    on_loss: Callable[[str], None]
     outcome: Callable[[], str]
 
 
@@ -130,6 +135,7 @@ class _OpenRun:
     opening: Mapping[str, Any] | None
     n_events: int = 0
     n_samples: int = 0
+    n_task_events: int = 0
     last_ns: int | None = None
 
     def take(self, value: Mapping[str, Any]) -> Event | Sample:
@@ -144,6 +150,7 @@ class _OpenRun:
         event = event_of(value, (handle.fact for handle in self.recorder.open_executions()))
         recorded = self.recorder.record(event)
         self.n_events += 1
+        self.n_task_events += event.kind in TASK_KINDS
         self._remember_time(None if value.get("time_ns") is None else recorded.time_ns)
         return recorded
 
@@ -166,7 +173,9 @@ class _Runs:
     hooks: _Hooks
     finished: list[Recorded] = field(default_factory=list)
     refused: list[Refused] = field(default_factory=list)
+    losses: tuple[str, ...] = ()
     _current: _OpenRun | None = None
+    _may_have_missed_start: bool = False
 
     def __enter__(self) -> Self:
         return self
@@ -184,6 +193,7 @@ class _Runs:
         try:
             self._take(parse_object(line))
         except (InvalidEventError, IllegalEventError) as error:
+            self._may_have_missed_start |= isinstance(error, InvalidEventError) and self._current is None
             refused = Refused(number, str(error))
             self.refused.append(refused)
             self.hooks.on_refusal(refused)
@@ -220,22 +230,22 @@ class _Runs:
         """Begin the run of a `run_started` line; it ends the run before it."""
         facts = run_facts(value)
         check_facts(facts["run"], facts.get("agents", ()), facts.get("software"), facts.get("seed"))
-        if self._current is not None:
+        if self._current is not None and not self._current.n_task_events:  # it may be meant for this run
             if self._current.opening is None:
                 raise InvalidEventError(
                     "found run_started after the run began, expected it in the first line or not at all"
                 )
             if self._current.opening == value:
                 raise InvalidEventError("found the run_started of this run a second time, expected it once")
-            self._finish()
+        self._finish()
         self._open(facts, value)
 
     def _begin_without_start(self, value: dict[str, Any]) -> _OpenRun:
-        """Begin the first run with a line that is not its `run_started`."""
+        """Begin a run with a line that is not its `run_started`: the first, or one whose `run_started` was refused."""
         kind = value.get("kind")
-        if self.finished:
-            raise IllegalEventError(f"found {kind} after run_ended, expected nothing more, or another run_started")
         check_first(value)
+        if self.finished and not (self._may_have_missed_start and kind in BEGINNINGS):
+            raise IllegalEventError(f"found {kind} after run_ended, expected nothing more, or another run_started")
         if not self.resume and kind in TASK_KINDS and kind not in BEGINNINGS:
             place = f"{kind} of {value.get('agent')!r}, {value.get('task')!r}"
             raise InvalidEventError(f"{place}: found 0 open executions, expected a task_started before it")
@@ -248,6 +258,10 @@ class _Runs:
             facts = facts | {"run": self.run or facts.get("run", ""), "resume": self.resume}
         _make_folder(path)
         recorder = Recorder(path, fsync=self.fsync, **facts)
+        self.losses += recorder.losses
+        for text in recorder.losses:
+            self.hooks.on_loss(text)
+        self._may_have_missed_start = False
         self._current = _OpenRun(recorder, facts.get("time_ns", recorder.now_ns()), opening)
         return self._current
 

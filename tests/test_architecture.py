@@ -41,6 +41,7 @@ ARROWS: Mapping[str, str] = {
         "log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts log.runs log.writing"
     ),
     "log.recover": "log.files log.losses log.mcap log.messages log.reader log.remarks log.writing",
+    "log.begun": "log.losses log.mcap log.messages log.recover",
     "log.follow": "log.mcap log.messages",
     "log.watch": "log.files log.writing",
     # hrclog

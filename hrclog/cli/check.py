@@ -30,7 +30,7 @@ def command(logs: tuple[str, ...], strict: bool, clocks: dict[str, int], as_json
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")
-    read = read_logs(logs, on_file=reading, clocks=clocks)
+    read = read_logs(logs, signals=True, on_file=reading, clocks=clocks)
     reading.done()
     executions, illegal = rebuild(read.events)
     table = runs(read.events, executions)

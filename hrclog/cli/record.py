@@ -6,7 +6,6 @@ import io
 import signal
 import sys
 from dataclasses import asdict
-from itertools import count, takewhile
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Self
@@ -109,6 +108,7 @@ def command(
             on_sample=tale.sample,
             on_refusal=tale.refusal,
             on_run=tale.run,
+            on_loss=tale.loss,
             outcome=lambda: "canceled" if lines.stopped else "succeeded",
         )
         if as_json:
@@ -116,7 +116,7 @@ def command(
         elif result.refused:
             echo(f"{counted(len(result.refused), 'line')} refused", err=True)
         code = following.catch_up(" ".join(map(str, tale.logs)))
-    return max(code, EXIT_DATA_LOST if result.refused else EXIT_FINE)
+    return max(code, EXIT_DATA_LOST if result.refused or result.losses else EXIT_FINE)
 
 
 class _Tale:
@@ -147,6 +147,10 @@ class _Tale:
         echo(f"error: line {refused.line}: {refused.reason}", err=True)
         self._acknowledge({"line": refused.line, "error": refused.reason})
 
+    def loss(self, text: str) -> None:
+        """Say what was lost of the run before it was resumed."""
+        echo(f"error: {text}", err=True)
+
     def run(self, recorded: Recorded) -> None:
         """Say where a finished run is, and let the knowledge base take it in."""
         samples = f", {counted(recorded.n_samples, 'sample')}" if recorded.n_samples else ""
@@ -163,9 +167,9 @@ class _Tale:
 
 def _segments(path: Path) -> list[Path]:
     """Return all segments of the run at a path, in order."""
-    from hrclog.recorders.segments import segment_path
+    from hrclog.recorders.segments import segments
 
-    return list(takewhile(Path.exists, (segment_path(path, number) for number in count(1))))
+    return [segment for segment in segments(path) if segment.exists()]
 
 
 def _as_json(result: Recording) -> dict[str, object]:
@@ -177,5 +181,6 @@ def _as_json(result: Recording) -> dict[str, object]:
         "n_events": sum(run.n_events for run in result.runs),
         "n_samples": sum(run.n_samples for run in result.runs),
         "n_refused": len(result.refused),
+        "losses": list(result.losses),
         "runs": [asdict(run) | {"path": str(run.path)} for run in result.runs],
     }

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -146,12 +147,14 @@ def remarks_on(loss: Loss, events: pl.DataFrame) -> list[AnnotationAdded]:
         & pl.col("seq").is_between(0, _LAST_SEQ)
         & pl.col("run_id").is_not_null()
     )
-    reason = "; ".join(text for _, text in remarks_in(loss))
     ends = placed.group_by("run_id", maintain_order=True).agg(pl.col("seq").max(), pl.col("time_ns").max())
-    return [
-        AnnotationAdded(run_id=run_id, seq=seq, time_ns=time_ns, reason=reason, details={RECOVERED: dict(loss)})
-        for run_id, seq, time_ns in ends.iter_rows()
-    ]
+    return [replace(remark(loss), run_id=run_id, seq=seq, time_ns=time_ns) for run_id, seq, time_ns in ends.iter_rows()]
+
+
+def remark(loss: Loss) -> AnnotationAdded:
+    """Return the annotation that tells of a loss, of no run and at no instant."""
+    reason = "; ".join(text for _, text in remarks_in(loss))
+    return AnnotationAdded(time_ns=0, reason=reason, details={RECOVERED: dict(loss)})
 
 
 def _loss_in(details: str) -> Loss:

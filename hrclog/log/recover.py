@@ -81,19 +81,24 @@ def finished_path(source: Path) -> Path:
     return source.with_name(f"{Path(name).stem}.recovered.mcap")
 
 
-def recover(source: Path, path: Path | None = None) -> Recovered:
+def recover(source: Path, path: Path | None = None, *, wait: bool = False) -> Recovered:
     """Write the finished log of a journal and remove the journal; a damaged log is kept beside its recovery.
 
     A journal beside a finished log of the same messages (killed between the two last steps of closing) is only removed.
-    A finished log without damage is left as it is, and so is a compressed file.
+    A finished log without damage is left as it is, and a compressed file is kept.
+
+    Args:
+        source: a journal, or a damaged log.
+        path: the finished log; default `finished_path`.
+        wait: whether to wait until nobody else holds the source.
 
     Raises:
-        LogReadError: the source is missing, no MCAP file, still being written, or holds nothing.
+        LogReadError: the source is missing, no MCAP file, still being written, or holds no message.
         LogExistsError: the target exists and holds something else.
         LogWriteError: the finished log cannot be written, or the journal not be removed.
     """
     target = path or finished_path(source)
-    with _read_locked(source) as raw:
+    with locked_bytes(source, wait=wait) as raw:
         data, torn = _unpacked(source, raw)
         contents = read_streamed(data)
         if contents.header is None and not contents.batches and not contents.attachments:
@@ -106,48 +111,18 @@ def recover(source: Path, path: Path | None = None) -> Recovered:
             problems += _told_by_reader(source, problems)
         if not is_journal and not problems:
             return Recovered(source, source, n_messages, [], earlier)
-        if not is_journal and not n_messages and not contents.attachments:
-            description = f"a damaged log of {counted(len(data), 'byte')} without a readable message"
-            raise LogReadError(source, description, "at least one message", "nothing can be recovered from it")
+        if not n_messages and not contents.attachments:
+            kind = "journal" if is_journal else "damaged log"
+            description = f"a {kind} of {counted(len(data), 'byte')} without a readable message"
+            remedy = "move it away, or go on with resume=True (hrclog record --resume)" if is_journal else "keep it"
+            raise LogReadError(source, description, "at least one message", f"0 events can be recovered; {remedy}")
         loss = loss_of(source, raw, problems) if problems or contents.unprotected else None
         if loss is not None and contents.unprotected:
             loss = of_unprotected(loss)
         if not exists(target) or _forgets(target, source, (contents, data), loss):
             write_atomically(target, lambda writer: _copy((contents, data), writer, loss))
-        _remove_journal(source, damaged=bool(problems))
+        remove_journal(source, damaged=bool(problems))
     return Recovered(source, target, n_messages, problems, earlier)
-
-
-def drop_begun(journal: Path) -> bool:
-    """Remove a journal that was cut before its first message, as nothing in it was acknowledged; say whether it was.
-
-    Raises:
-        LogReadError: it cannot be opened, or a recorder still writes it.
-        LogWriteError: it cannot be removed.
-    """
-    with _read_locked(journal) as data:
-        begun = _is_begun(data)
-        if begun:
-            _remove_journal(journal, damaged=False)
-    return begun
-
-
-def _is_begun(data: bytes) -> bool:
-    """Return whether bytes are the beginning of a journal, and end before its first message does."""
-    if not (data.startswith(MAGIC) or MAGIC.startswith(data)):
-        return False
-    contents = read_streamed(data)
-    if contents.batches:
-        return False
-    torn_at = len(data)
-    for problem in contents.problems:
-        if problem.code not in ("truncated", "no_header"):
-            return False
-        torn_at = min(torn_at, problem.offset)
-    if torn_at + PREFIX.size > len(data):
-        return True
-    opcode, length = PREFIX.unpack_from(data, torn_at)
-    return bool(opcode != 0 and torn_at + PREFIX.size + length > len(data))
 
 
 def _unpacked(source: Path, raw: bytes) -> tuple[bytes, list[Problem]]:
@@ -216,22 +191,34 @@ def _told_by_reader(source: Path, problems: list[Problem]) -> list[Problem]:
 
 
 @contextmanager
-def _read_locked(source: Path) -> Iterator[bytes]:
-    """Lock a file that no other process writes, and yield its bytes."""
+def locked_bytes(source: Path, *, wait: bool = False) -> Iterator[bytes]:
+    """Lock a file that no other process writes, and yield its bytes.
+
+    Args:
+        source: the file.
+        wait: whether to wait until nobody else holds the file.
+
+    Raises:
+        LogReadError: it cannot be opened, or somebody else holds it.
+    """
     try:
         stream = source.open("rb")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise LogReadError(source, f"a file that cannot be opened ({reason})", "a journal") from error
     with stream:
-        if not lock(stream.fileno(), wait=False):
+        if not lock(stream.fileno(), wait=wait):
             description, expected = "a journal that a recorder still writes", "one whose recorder has ended"
             raise LogReadError(source, description, expected, "stop the recorder first")
         yield stream.read()
 
 
-def _remove_journal(source: Path, *, damaged: bool) -> None:
-    """Remove a journal that was read in full; keep a damaged one under a name that nothing reads."""
+def remove_journal(source: Path, *, damaged: bool) -> None:
+    """Remove a journal that was read in full; keep a damaged one under a name that nothing reads.
+
+    Raises:
+        LogWriteError: it cannot be removed.
+    """
     if not source.name.endswith(PARTIAL_SUFFIX):
         return
     try:
@@ -239,6 +226,8 @@ def _remove_journal(source: Path, *, damaged: bool) -> None:
             source.replace(_free_name(source.with_name(source.name + ".damaged")))
         else:
             source.unlink()
+    except FileNotFoundError:  # another process has recovered it too
+        return
     except OSError as error:
         text = f"the finished log is written, but this journal cannot be removed ({error.strerror})"
         raise LogWriteError(source, text, "remove it") from error

@@ -12,11 +12,13 @@ from typing import Any
 
 import polars as pl
 import pytest
+from mcap.opcode import Opcode
 
 import hrclog
 from hrclog.analyzers.output import TABLES
 from hrclog.cli import VERBS
 from hrclog.cli.export import TABLES as EXPORTED
+from hrclog.log.mcap.records import Walk
 
 pytestmark = pytest.mark.slow
 
@@ -64,6 +66,19 @@ def test_info_counts_events_and_executions(run: Run, samples: Path) -> None:
     document = run("info", samples / "single.mcap", samples / "failures.mcap", "--json").json()
     assert [row["finished"] for row in document["files"]] == [True, True]
     assert {row["name"]: row["n_executions"] for row in document["runs"]} == {"paper_0000": 24, "failures_0000": 25}
+
+
+def test_check_sees_a_damaged_chunk_of_signals(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with hrclog.Recorder(path, agents=["robot"]) as recorder, recorder.task("robot", "pick"):
+        for sample in range(2000):
+            recorder.signal("distance", sample)
+    assert run("check", path).code == 0
+    data = bytearray(path.read_bytes())
+    chunks = [record for record in Walk(bytes(data), []) if record[0] == Opcode.CHUNK]
+    data[chunks[-1][2] + 200] ^= 1
+    path.write_bytes(data)
+    assert run("check", path).code == 3
 
 
 def test_check_strict_fails_on_warnings_only_when_asked(run: Run, samples: Path) -> None:

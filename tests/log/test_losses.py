@@ -141,6 +141,7 @@ def test_a_recovery_that_forgot_the_loss_is_written_anew(closed: Path, monkeypat
 
 def test_an_undamaged_journal_is_recovered_without_a_word(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "run.mcap.partial")
+    journal.append(event_message(Heartbeat(time_ns=1, run_id="a"), 1))
     journal.close()
     recovered = recover(journal.path)
     assert (recovered.problems, recovered.earlier) == ([], [])
@@ -221,9 +222,9 @@ def test_the_annotation_takes_no_number_of_an_event(tmp_path: Path, n_lost: int)
     assert [finding.message for finding in both if finding.code != CODE] == missing
 
 
-def write_parts(folder: Path, first: list[Event], second: list[Event]) -> None:
-    """Write a run into two files, each event with the number that it has."""
-    for name, events in (("a", first), ("b", second)):
+def write_parts(folder: Path, *parts: list[Event]) -> None:
+    """Write a run into files a.mcap and b.mcap, each event with the number that it has."""
+    for name, events in zip("ab", parts, strict=False):
         journal = Journal(folder / f"{name}.mcap.partial")
         journal.append(*(event_message(event, event.time_ns) for event in events))
         journal.close()
@@ -231,7 +232,7 @@ def write_parts(folder: Path, first: list[Event], second: list[Event]) -> None:
 
 
 def test_a_recovered_log_whose_numbers_were_never_set_is_numbered(tmp_path: Path) -> None:
-    write_parts(tmp_path, [replace(event, seq=0) for event in events_of("a", 20)], [])
+    write_parts(tmp_path, [replace(event, seq=0) for event in events_of("a", 20)])
     source = tmp_path / "a.mcap"
     source.write_bytes(source.read_bytes()[:-30])
     codes = sorted(finding.code for finding in read_logs(recover(source).path).diagnostics)
@@ -239,7 +240,7 @@ def test_a_recovered_log_whose_numbers_were_never_set_is_numbered(tmp_path: Path
 
 
 def test_a_run_of_one_event_is_recovered_without_a_word_on_its_number(tmp_path: Path) -> None:
-    write_parts(tmp_path, events_of("a", 2)[:1], [])
+    write_parts(tmp_path, events_of("a", 2)[:1])
     source = tmp_path / "a.mcap"
     source.write_bytes(source.read_bytes()[:-30])
     assert [finding.code for finding in read_logs(recover(source).path).diagnostics] == [CODE]

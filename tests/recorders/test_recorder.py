@@ -25,12 +25,16 @@ import hrclog
 from hrclog import Recorder, intervals
 from hrclog.errors import IllegalEventError, InvalidEventError, LogExistsError, LogReadError, LogWriteError
 from hrclog.event_rows import from_row, parse_details
-from hrclog.events import Event, Heartbeat, RunEnded, TaskDispatched, TaskStarted
+from hrclog.events import Event, Heartbeat, RunEnded, RunStarted, TaskDispatched, TaskStarted
+from hrclog.log.begun import Cleared, clear
+from hrclog.log.files.system import lock
 from hrclog.log.mcap.records import Walk
 from hrclog.log.messages.encode import Message
 from hrclog.log.reader import Logs, read_logs
+from hrclog.log.recover import recover
 from hrclog.log.writing.journal import Journal, journal_path
-from hrclog.recorders.event_recorder import steady_clock
+from hrclog.recorders.event_recorder import EventRecorder, steady_clock
+from hrclog.recorders.segments import next_segment, segment_path
 from hrclog.state import Phase
 
 
@@ -636,14 +640,106 @@ def test_a_journal_that_was_cut_before_its_first_event_is_begun_anew(
     assert logs.events["seq"].to_list() == list(range(2 * segment))
 
 
-def test_a_journal_whose_events_were_destroyed_is_not_begun_anew(path: Path) -> None:
-    recorder = Recorder(path)
+def _header_end(journal: bytes) -> int:
+    return next(iter(Walk(journal, [])))[3]
+
+
+def _zeroed(journal: bytes) -> bytes:
+    return journal[: _header_end(journal)].ljust(len(journal), b"\0")
+
+
+def _garbled(journal: bytes) -> bytes:
+    begin = _header_end(journal)
+    return journal[:begin] + bytes(byte ^ 0x5A for byte in journal[begin:])
+
+
+def _with_longer_first_message(journal: bytes) -> bytes:
+    first = next(record for record in Walk(journal, []) if record[0] == Opcode.CHUNK and journal[record[1] + 49] == 5)
+    return journal[: first[1] + 7] + b"\xff" + journal[first[1] + 8 :]
+
+
+@pytest.mark.parametrize(
+    "destroyed", [_zeroed, _garbled, _with_longer_first_message, lambda journal: bytes(len(journal))]
+)
+@pytest.mark.parametrize("segment", [1, 2])
+def test_a_journal_whose_events_were_destroyed_is_kept_and_the_run_remembers_it(
+    path: Path, segment: int, destroyed: Callable[[bytes], bytes]
+) -> None:
+    if segment == 2:
+        Recorder(path).close()
+    recorder = Recorder(path, resume=segment == 2)
     abandon(recorder)
-    journal = journal_path(path)
-    journal.write_bytes(journal.read_bytes()[:41] + bytes(5000))
-    with pytest.raises(LogReadError, match="found 0 runs, expected one run to continue"):
-        Recorder(path, resume=True)
-    assert path.with_name("run.mcap.partial.damaged").exists()
+    journal = journal_path(recorder.path)
+    rest = destroyed(journal.read_bytes())
+    journal.write_bytes(rest)
+    with Recorder(path, resume=True) as again:
+        assert again.path == recorder.path
+    assert journal.with_name(f"{journal.name}.damaged").read_bytes() == rest
+    logs = _segments(path.parent)
+    assert [finding.code for finding in logs.diagnostics] == ["recovered_with_losses"]
+    assert logs.diagnostics[0].severity == "error"
+    assert logs.events["run_id"].n_unique() == 1
+    assert logs.events["seq"].to_list() == list(range(logs.events.height))
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_a_run_goes_on_behind_all_its_segments_so_that_a_lost_one_stays_missing(path: Path, lost: int) -> None:
+    for number in range(1, 4):
+        with Recorder(path, resume=number > 1) as recorder:
+            recorder.heartbeat("robot")
+    segment_path(path, lost).unlink()
+    with Recorder(path, resume=True) as recorder:
+        # behind the last one that is there
+        assert recorder.path.name == ("run.3.mcap" if lost == 3 else "run.4.mcap")
+    codes = {finding.code for finding in _segments(path.parent).diagnostics}
+    assert ("events_missing" in codes) is (lost != 3)
+
+
+def test_a_journal_that_was_taken_for_an_abandoned_one_is_created_again(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[int] = []
+
+    def lock_late(fd: int, *, wait: bool) -> bool:
+        if not taken:
+            taken.append(fd)
+            assert clear(journal_path(path)) == Cleared()
+        return lock(fd, wait=wait)
+
+    monkeypatch.setattr("hrclog.log.writing.journal.lock", lock_late)
+    with Recorder(path) as recorder:
+        recorder.heartbeat("robot")
+    assert _segments(path.parent).events["seq"].to_list() == [0, 1, 2]
+
+
+def test_of_two_that_resume_at_once_the_later_one_is_refused(path: Path) -> None:
+    Recorder(path).close()
+    segment = next_segment(path)
+    with Recorder(path, resume=True) as first:
+        first.heartbeat("robot")
+    with pytest.raises(LogExistsError, match="another recorder has written it"):
+        EventRecorder(segment, RunStarted(time_ns=1, segment=2), fsync=False, clock_ns=lambda: 1)
+    assert names_in(path.parent) == ["run.2.mcap", "run.mcap"]
+    assert _segments(path.parent).diagnostics == []
+
+
+@pytest.mark.parametrize("is_done", [False, True])
+def test_a_run_is_closed_while_another_process_recovers_it(
+    path: Path, is_done: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def recover_late(journal: Path, log: Path, *, wait: bool) -> object:
+        if is_done:
+            recover(journal)
+        else:
+            held = journal.open("rb")
+            assert lock(held.fileno(), wait=False)
+            threading.Timer(0.05, held.close).start()
+        return recover(journal, log, wait=wait)
+
+    monkeypatch.setattr("hrclog.recorders.event_recorder.recover", recover_late)
+    Recorder(path).close()
+    assert names_in(path.parent) == ["run.mcap"]
+    assert _segments(path.parent).diagnostics == []
 
 
 @pytest.mark.parametrize("room", [0, 8, 30, 60, 2000, 4500])
@@ -732,6 +828,25 @@ def test_a_clock_that_is_set_back_while_the_run_was_stopped_does_not_run_backwar
     logs = read_logs([path, path.with_name("run.2.mcap")])
     assert [finding.code for finding in logs.diagnostics] == ["clock_put_back"]
     assert logs.events["time_ns"].to_list() == [10**15] * logs.events.height
+
+
+@settings(max_examples=10)
+@given(st.lists(st.integers(-(10**13), -(10**9)), min_size=1, max_size=3), st.integers(1, 10**11))
+def test_however_the_clock_is_put_back_between_tasks_they_keep_their_lengths(shifts: list[int], length_ns: int) -> None:
+    now = [10**15]
+    with TemporaryDirectory() as folder:
+        with Recorder(Path(folder) / "run.mcap", clock_ns=lambda: now[0]) as recorder:
+            for shift in [0, *shifts]:
+                now[0] += shift
+                for _ in range(2):
+                    with recorder.task("robot", "fetch"):
+                        now[0] += length_ns
+                    now[0] += 5
+        logs = read_logs(folder)
+        executions = intervals(logs.events)
+        assert set(executions["end_ns"] - executions["start_ns"]) == {length_ns}
+        assert executions["start_ns"].is_sorted()
+        assert [finding.code for finding in logs.diagnostics] == ["clock_put_back"] * len(shifts)
 
 
 @settings(max_examples=10)

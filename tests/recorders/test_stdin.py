@@ -17,7 +17,9 @@ from hrclog.errors import InvalidEventError
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import Event, TaskFact
 from hrclog.log.reader import read_logs
+from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.json_lines import Sample
+from hrclog.recorders.segments import segment_path
 from hrclog.recorders.stdin import Refused, record_stream
 
 NOON = 1_772_452_800_000_000_000
@@ -155,7 +157,9 @@ def test_any_events_come_through_as_they_are_unless_the_state_machine_refuses_th
     recorded: list[Event] = []
     opening = line(kind="heartbeat", time_ns=0)  # on a clock of its own, any instant may be right
     refused = record_stream([opening, *lines], path, on_event=recorded.append).refused
-    kept = [event for number, event in enumerate(events, 2) if number not in {entry.line for entry in refused}]
+    bad = {entry.line for entry in refused}
+    # a `run_started` behind task events begins another run
+    kept = [event for number, event in enumerate(events, 2) if number not in bad and event.kind != "run_started"]
     ignored = {"run_id": "", "seq": 0}
     assert [to_row(event) | ignored for event in recorded[1:]] == [to_row(event) | ignored for event in kept]
     for entry in refused:
@@ -269,6 +273,50 @@ def test_every_run_of_a_stream_has_its_log(tmp_path_factory: pytest.TempPathFact
         assert events["outcome"][-1] == ("canceled" if has_end else "succeeded")
         assert events["time_ns"][-1] == NOON + (9 if has_end else 4) * 10**9
         assert events["run_id"].unique().to_list() == [run.run_id]
+
+
+END = line(kind="run_ended", time_ns=NOON + 9 * 10**9)
+
+
+@pytest.mark.parametrize("bad", [bad for bad in FIRST_LINES if "task_" not in bad])
+def test_a_further_run_whose_first_line_is_bad_loses_no_more_than_that_line(path: Path, bad: str) -> None:
+    recording = record_stream([started(name="a"), *execution(), END, bad, *execution(at_s=20)], path)
+    assert [entry.line for entry in recording.refused] == [5]
+    assert [run.n_events for run in recording.runs] == [3, 2]
+
+
+def test_stray_lines_after_the_end_of_a_run_begin_none(path: Path) -> None:
+    stray = [line(kind="heartbeat", time_ns=NOON), "nonsense", line(kind="heartbeat", time_ns=NOON), execution()[1]]
+    recording = record_stream([started(name="a"), *execution(), END, *stray], path)
+    assert [entry.line for entry in recording.refused] == [5, 6, 7, 8]
+    assert len(recording.runs) == 1
+
+
+@pytest.mark.parametrize("bad", FIRST_LINES)
+def test_a_bad_first_line_does_not_merge_its_run_with_the_next(path: Path, bad: str) -> None:
+    recording = record_stream([bad, *execution(), started(name="b"), *execution(at_s=20)], path)
+    assert [entry.line for entry in recording.refused] == [1]
+    assert [run.n_events for run in recording.runs] == [2, 2]
+    assert json.loads(first_event(recording.runs[1].path)["details"])["name"] == "b"
+
+
+def test_the_same_run_started_begins_another_run_once_there_were_tasks(path: Path) -> None:
+    again = started(name="a")
+    recording = record_stream([again, again, *execution(), again, *execution(at_s=20)], path)
+    assert [(entry.line, "a second time" in entry.reason) for entry in recording.refused] == [(2, True)]
+    assert [run.n_events for run in recording.runs] == [2, 2]
+
+
+@pytest.mark.parametrize("begin", [41, 0])
+def test_what_was_lost_of_a_run_is_told_when_it_is_resumed(path: Path, begin: int) -> None:
+    record_stream([started(name="a"), *execution()], path)
+    journal = journal_path(segment_path(path, 2))
+    journal.write_bytes(b"\x89MCAP0\r\n"[: begin and 8] + bytes(3000))
+    told: list[str] = []
+    recording = record_stream([started(), *execution(at_s=20)], path, resume=True, on_loss=told.append)
+    assert recording.losses == tuple(told)
+    assert "held no event that can be read" in told[0]
+    assert [run.path.name for run in recording.runs] == ["run.2.mcap"]
 
 
 def test_a_further_run_overwrites_no_log(tmp_path: Path) -> None:

@@ -168,24 +168,30 @@ def _jump(agent: str, jumps: Sequence[Step], path: str, run_id: str) -> Diagnost
 
 
 def _resumed(events: pl.DataFrame) -> list[Diagnostic]:
-    """Say where a run went on after the recorder's clock had been put back."""
-    is_start = events["kind"] == "run_started"
-    if not events["details"].filter(is_start).str.contains(CLOCK_SHIFT, literal=True).any():
+    """Say where the recorder's clock had been put back, before a run went on or while it was recorded."""
+    tells = events["kind"].is_in(["run_started", "annotation_added"])
+    if not events["details"].filter(tells).str.contains(CLOCK_SHIFT, literal=True).any():
         return []
-    columns = events.filter(is_start).select("details", "path", "run_id", "seq")
+    columns = events.filter(tells).select("details", "kind", "path", "run_id", "seq")
     shifted = columns.filter(pl.col("details").str.contains(CLOCK_SHIFT, literal=True))
     return [
-        Diagnostic(
-            "clock_put_back",
-            f"the recorder's clock was {seconds_text(shift_ns)[1:]} s behind the run's last event when it went on: "
-            "times from there on are shifted by that, and how long the run was interrupted is not known",
-            path,
-            run_id,
-            seq,
-        )
-        for details, path, run_id, seq in shifted.iter_rows()
+        Diagnostic("clock_put_back", _put_back_text(shift_ns, resumed=kind == "run_started"), path, run_id, seq)
+        for details, kind, path, run_id, seq in shifted.iter_rows()
         if (shift_ns := _shift_of(details)) > 0
     ]
+
+
+def _put_back_text(shift_ns: int, *, resumed: bool) -> str:
+    size = seconds_text(shift_ns)[1:]
+    if resumed:
+        return (
+            f"the recorder's clock was {size} s behind the run's last event when it went on: "
+            "times from there on are shifted by that, and how long the run was interrupted is not known"
+        )
+    return (
+        f"the recorder's clock was put back by {size} s or more between this event and the one before: times from "
+        "there on are shifted by that, and how long it was between the two is not known"
+    )
 
 
 def _shift_of(details: str) -> int:

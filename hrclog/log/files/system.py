@@ -40,6 +40,14 @@ def exists(path: Path) -> bool:
         return False
 
 
+def is_at(fd: int, path: Path) -> bool:
+    """Return whether an open file is the one at a path: it may have been removed, or replaced."""
+    try:
+        return os.path.samestat(os.fstat(fd), path.stat())
+    except OSError:
+        return False
+
+
 def sync_folder(folder: Path) -> None:
     """Make the names in a folder survive a crash of the operating system."""
     if os.name != "posix":

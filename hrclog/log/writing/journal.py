@@ -21,7 +21,7 @@ from mcap.records import Channel, Header, Metadata, Schema
 
 from hrclog._version import __version__
 from hrclog.errors import InvalidEventError, LogExistsError, LogWriteError
-from hrclog.log.files.system import lock, sync_folder
+from hrclog.log.files.system import exists, is_at, lock, sync_folder
 from hrclog.log.mcap.chain import link, record_bytes
 from hrclog.log.mcap.records import MAGIC
 from hrclog.log.messages import channels
@@ -183,15 +183,28 @@ class Journal:
 
 
 def _create(path: Path) -> int:
-    try:
-        fd = os.open(path, _FLAGS, 0o666)
-    except FileExistsError as error:
-        raise LogExistsError(path, "close it with `hrclog recover` or choose another name") from error
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise LogWriteError(path, f"cannot be created ({reason})", "choose a folder that can be written") from error
-    lock(fd, wait=True)
+    fd = _create_locked(path)
+    log = path.with_name(path.name.removesuffix(PARTIAL_SUFFIX))
+    if log != path and exists(log):  # another recorder has finished it since this one looked for a free name
+        path.unlink()
+        os.close(fd)
+        raise LogExistsError(log, "another recorder has written it; choose another name, or resume again")
     return fd
+
+
+def _create_locked(path: Path) -> int:
+    while True:
+        try:
+            fd = os.open(path, _FLAGS, 0o666)
+        except FileExistsError as error:
+            raise LogExistsError(path, "close it with `hrclog recover` or choose another name") from error
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise LogWriteError(path, f"cannot be created ({reason})", "choose a folder that can be written") from error
+        lock(fd, wait=True)
+        if is_at(fd, path):
+            return fd
+        os.close(fd)  # a process that resumes the run took the empty journal for an abandoned one, and removed it
 
 
 def _chunk_head(size: int, checksum: int, log_time: int) -> bytes:
