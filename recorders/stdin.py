@@ -59,6 +59,27 @@ class Recording:
     losses: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Hooks:
+    """What is called while lines are recorded.
+
+    Attributes:
+        on_event: called after each event has been written.
+        on_sample: called after each sample has been written.
+        on_refusal: called for each line that is not recorded, at once.
+        on_run: called after each log has been finished.
+        on_loss: called for each thing that was found lost of the run that is resumed.
+        outcome: asked for the outcome of a run that no `run_ended` ended.
+    """
+
+    on_event: Callable[[Event], None] = lambda _: None
+    on_sample: Callable[[Sample], None] = lambda _: None
+    on_refusal: Callable[[Refused], None] = lambda _: None
+    on_run: Callable[[Recorded], None] = lambda _: None
+    on_loss: Callable[[str], None] = lambda _: None
+    outcome: Callable[[], str] = lambda: Outcome.SUCCEEDED
+
+
 def record_stream(
     lines: Iterable[str],
     path: Path,
@@ -66,12 +87,7 @@ def record_stream(
     run: str = "",
     resume: bool = False,
     fsync: bool = False,
-    on_event: Callable[[Event], None] = lambda _: None,
-    on_sample: Callable[[Sample], None] = lambda _: None,
-    on_refusal: Callable[[Refused], None] = lambda _: None,
-    on_run: Callable[[Recorded], None] = lambda _: None,
-    on_loss: Callable[[str], None] = lambda _: None,
-    outcome: Callable[[], str] = lambda: Outcome.SUCCEEDED,
+    hooks: Hooks | None = None,
 ) -> Recording:
     """Record runs from JSON lines until they end.
 
@@ -92,12 +108,7 @@ def record_stream(
         run: name of the first run; default what its `run_started` says, or the file's.
         resume: the first run continues the one that is at `path`.
         fsync: each event also survives a crash of the operating system.
-        on_event: called after each event has been written.
-        on_sample: called after each sample has been written.
-        on_refusal: called for each line that is not recorded, at once.
-        on_run: called after each log has been finished.
-        on_loss: called for each thing that was found lost of the run that is resumed.
-        outcome: asked for the outcome of a run that no `run_ended` ended.
+        hooks: what is called on the way.
 
     Raises:
         InvalidEventError: lines were given, and none can be recorded; nothing is written.
@@ -106,24 +117,11 @@ def record_stream(
     """
     if not resume:
         first_segment(log_path(path))  # say so before waiting for input
-    hooks = _Hooks(on_event, on_sample, on_refusal, on_run, on_loss, outcome)
-    with _Runs(log_path(path), run, resume=resume, fsync=fsync, hooks=hooks) as runs:
+    with _Runs(log_path(path), run, resume=resume, fsync=fsync, hooks=hooks or Hooks()) as runs:
         for number, line in enumerate(lines, 1):
             runs.take_line(number, line if number > 1 else line.removeprefix(_BYTE_ORDER_MARK))
         runs.end()
     return Recording(runs.finished, runs.refused, runs.losses)
-
-
-@dataclass(frozen=True, slots=True)
-class _Hooks:
-    """What is called on the way, see `record_stream`."""
-
-    on_event: Callable[[Event], None]
-    on_sample: Callable[[Sample], None]
-    on_refusal: Callable[[Refused], None]
-    on_run: Callable[[Recorded], None]
-    on_loss: Callable[[str], None]
-    outcome: Callable[[], str]
 
 
 @dataclass(slots=True)
@@ -170,7 +168,7 @@ class _Runs:
     run: str
     resume: bool
     fsync: bool
-    hooks: _Hooks
+    hooks: Hooks
     finished: list[Recorded] = field(default_factory=list)
     refused: list[Refused] = field(default_factory=list)
     losses: tuple[str, ...] = ()

@@ -17,11 +17,11 @@ from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from hrclog.events import Event
     from hrclog.recorders.json_lines import Sample
-    from hrclog.recorders.stdin import Recorded, Recording, Refused
+    from hrclog.recorders.stdin import Hooks, Recorded, Recording, Refused
 
 
 class _Stop(Exception):  # noqa: N818 - a request, not an error
@@ -104,12 +104,7 @@ def command(
             run=run,
             resume=resume,
             fsync=fsync,
-            on_event=tale.event,
-            on_sample=tale.sample,
-            on_refusal=tale.refusal,
-            on_run=tale.run,
-            on_loss=tale.loss,
-            outcome=lambda: "canceled" if lines.stopped else "succeeded",
+            hooks=tale.hooks(lambda: "canceled" if lines.stopped else "succeeded"),
         )
         if as_json:
             print_json(_as_json(result))
@@ -133,6 +128,12 @@ class _Tale:
         self._path = path
         self._following = following
         self._ack = ack
+
+    def hooks(self, outcome: Callable[[], str]) -> Hooks:
+        """Return what is called while lines are recorded; `outcome` is asked for that of a run that nothing ended."""
+        from hrclog.recorders.stdin import Hooks
+
+        return Hooks(self.event, self.sample, self.refusal, self.run, self.loss, outcome)
 
     def event(self, event: Event) -> None:
         """Acknowledge an event."""

@@ -141,7 +141,7 @@ def test_a_recovery_that_forgot_the_loss_is_written_anew(closed: Path, monkeypat
 
 def test_an_undamaged_journal_is_recovered_without_a_word(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "run.mcap.partial")
-    journal.append(event_message(Heartbeat(time_ns=1, run_id="a"), 1))
+    journal.append(event_message(Heartbeat(time_ns=1, run_id="r"), 1))
     journal.close()
     recovered = recover(journal.path)
     assert (recovered.problems, recovered.earlier) == ([], [])

@@ -20,7 +20,7 @@ from hrclog.log.reader import read_logs
 from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.json_lines import Sample
 from hrclog.recorders.segments import segment_path
-from hrclog.recorders.stdin import Refused, record_stream
+from hrclog.recorders.stdin import Hooks, Refused, record_stream
 
 NOON = 1_772_452_800_000_000_000
 RUN_FACTS = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed", "segment")
@@ -35,7 +35,7 @@ JSON_VALUES = st.recursive(
 def record(path: Path, lines: list[str]) -> tuple[list[dict[str, Any]], list[Refused]]:
     """Record lines; return the rows between the recorder's own first and last event, and what was refused."""
     seen: list[Event] = []
-    recording = record_stream([line(kind="run_started"), *lines], path, on_event=seen.append)
+    recording = record_stream([line(kind="run_started"), *lines], path, hooks=Hooks(on_event=seen.append))
     refused = [Refused(entry.line - 1, entry.reason) for entry in recording.refused]
     [run] = recording.runs
     count = run.n_events
@@ -156,7 +156,7 @@ def test_any_events_come_through_as_they_are_unless_the_state_machine_refuses_th
     lines = [json.dumps({k: v for k, v in to_row(event).items() if v is not None}) for event in events]
     recorded: list[Event] = []
     opening = line(kind="heartbeat", time_ns=0)  # on a clock of its own, any instant may be right
-    refused = record_stream([opening, *lines], path, on_event=recorded.append).refused
+    refused = record_stream([opening, *lines], path, hooks=Hooks(on_event=recorded.append)).refused
     bad = {entry.line for entry in refused}
     # a `run_started` behind task events begins another run
     kept = [event for number, event in enumerate(events, 2) if number not in bad and event.kind != "run_started"]
@@ -245,7 +245,7 @@ def test_a_bad_first_line_is_refused_and_the_run_begins_with_its_first_event(pat
 def test_where_no_line_can_be_recorded_nothing_is_written(tmp_path: Path, bad: str) -> None:
     refused: list[Refused] = []
     with pytest.raises(InvalidEventError, match="1 line of which none can be recorded"):
-        record_stream([bad], tmp_path / "folder" / "run.mcap", on_refusal=refused.append)
+        record_stream([bad], tmp_path / "folder" / "run.mcap", hooks=Hooks(on_refusal=refused.append))
     assert [entry.line for entry in refused] == [1]
     assert list(tmp_path.iterdir()) == []
 
@@ -313,7 +313,7 @@ def test_what_was_lost_of_a_run_is_told_when_it_is_resumed(path: Path, begin: in
     journal = journal_path(segment_path(path, 2))
     journal.write_bytes(b"\x89MCAP0\r\n"[: begin and 8] + bytes(3000))
     told: list[str] = []
-    recording = record_stream([started(), *execution(at_s=20)], path, resume=True, on_loss=told.append)
+    recording = record_stream([started(), *execution(at_s=20)], path, resume=True, hooks=Hooks(on_loss=told.append))
     assert recording.losses == tuple(told)
     assert "held no event that can be read" in told[0]
     assert [run.path.name for run in recording.runs] == ["run.2.mcap"]
@@ -363,7 +363,7 @@ def test_samples_of_signals_are_recorded_between_events(path: Path) -> None:
         *execution(),
         line(kind="signal", values={"distance": 0.5, "force": -2}, time_ns=NOON + 7 * 10**9),
     ]
-    recording = record_stream(lines, path, on_sample=sampled.append)
+    recording = record_stream(lines, path, hooks=Hooks(on_sample=sampled.append))
     assert recording.refused == []
     assert (recording.runs[0].n_events, recording.runs[0].n_samples, len(sampled)) == (2, 3, 2)
     logs = read_logs(path, signals=True)
