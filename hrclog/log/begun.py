@@ -51,8 +51,8 @@ def clear(journal: Path) -> Cleared | None:
 
 def is_begun(data: bytes) -> bool:
     """Return whether bytes are the beginning of a journal, and end before its first message does."""
-    if not (data.startswith(MAGIC) or MAGIC.startswith(data)):
-        return False
+    if not data.startswith(MAGIC):
+        return MAGIC.startswith(data)
     contents = read_streamed(data)
     if contents.batches or {problem.code for problem in contents.problems} - {"truncated", "no_header"}:
         return False
