@@ -16,6 +16,7 @@ from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import LATEST_NS, AnnotationAdded
 from hrclog.log.mcap.records import Problem
+from hrclog.log.messages.message import UNSET_INT
 from hrclog.log.writing.journal import LIBRARY
 from hrclog.wording import counted
 
@@ -111,13 +112,17 @@ def remarks_on(loss: Loss, events: pl.DataFrame) -> list[AnnotationAdded]:
     """
     placed = events.filter(
         pl.col("time_ns").is_between(0, LATEST_NS)
-        & pl.col("seq").is_between(0, _LAST_SEQ)
+        & pl.col("seq").is_between(0, _LAST_SEQ).fill_null(value=True)
         & pl.col("run_id").is_not_null()
     )
     ends = placed.group_by("run_id", maintain_order=True).agg(pl.col("seq").max(), pl.col("time_ns").max())
     return [
         AnnotationAdded(
-            run_id=run_id, seq=seq + 1, time_ns=time_ns, reason=loss_text(loss), details={RECOVERED: dict(loss)}
+            run_id=run_id,
+            seq=UNSET_INT if seq is None else seq + 1,
+            time_ns=time_ns,
+            reason=loss_text(loss),
+            details={RECOVERED: dict(loss)},
         )
         for run_id, seq, time_ns in ends.iter_rows()
     ]

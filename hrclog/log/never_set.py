@@ -90,27 +90,32 @@ def _unset_diagnostic(counts: dict[str, object]) -> Diagnostic:
     return Diagnostic("never_set", text, str(counts["path"]), str(counts["run_id"]))
 
 
+def with_left_out_zero(events: pl.DataFrame) -> pl.DataFrame:
+    """Return the events with the number 0 of a run where proto3 JSON left it out, as it does with every 0."""
+    if not events["seq"].null_count():
+        return events
+    seq = pl.col("seq")
+    is_left_out = seq.is_null() & ((seq.is_null().sum() == 1) & (seq == 1).any() & (seq.min() == 1)).over("run_id")
+    return events.with_columns(pl.when(is_left_out).then(pl.lit(0, pl.Int64)).otherwise(seq).alias("seq"))
+
+
 def with_numbers(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
-    """Number the events of runs in which every `seq` is 0, in the order of writing.
+    """Number the events of runs in the order of writing where some `seq` is unset, or every one is 0.
 
     Args:
         events: an events frame, the events of each file in the order of writing.
 
     Returns:
-        The events, and a diagnostic per run that was numbered.
+        The events, and a diagnostic per run in which every `seq` is 0: several nodes leave it unset on purpose.
     """
-    zeros = events["run_id"].filter(events["seq"] == 0)
-    if zeros.n_unique() == zeros.len():
+    always_zero = _always_zero(events)
+    unset = events["run_id"].filter(events["seq"].is_null())
+    if always_zero.is_empty() and unset.is_empty():
         return events, []
-    several = zeros.filter(zeros.is_duplicated()).unique()
-    of_run = events.filter(pl.col("run_id").is_in(several.implode()))
-    never_set = (
-        of_run.group_by("run_id", maintain_order=True)
-        .agg(pl.col("path").first(), pl.len(), (pl.col("seq") != 0).any().alias("counts"))
-        .filter(~pl.col("counts"))
-    )
-    written = pl.int_range(pl.len(), dtype=pl.Int64).over("run_id")
-    is_unnumbered = pl.col("run_id").is_in(never_set["run_id"].implode())
+    is_unnumbered = pl.col("run_id").is_in(pl.concat([always_zero["run_id"], unset]).unique().implode())
+    # a file is in the order of writing even where its log times are not, as a clock may be put back
+    latest = pl.col("log_time_ns").fill_null(0).cum_max().over("run_id", "path")
+    written = latest.rank("ordinal").over("run_id").cast(pl.Int64) - 1
     numbered = events.with_columns(pl.when(is_unnumbered).then(written).otherwise(pl.col("seq")).alias("seq"))
     return numbered, [
         Diagnostic(
@@ -120,8 +125,23 @@ def with_numbers(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
             path,
             run_id,
         )
-        for run_id, path, count in never_set.select("run_id", "path", "len").iter_rows()
+        for run_id, path, count in always_zero.iter_rows()
     ]
+
+
+def _always_zero(events: pl.DataFrame) -> pl.DataFrame:
+    """Return run, path and count of events of the runs of several events in which every `seq` is 0."""
+    zeros = events["run_id"].filter(events["seq"] == 0)
+    if zeros.n_unique() == zeros.len():
+        return pl.DataFrame(schema={"run_id": pl.String, "path": pl.String, "len": pl.UInt32})
+    several = zeros.filter(zeros.is_duplicated()).unique()
+    of_run = events.filter(pl.col("run_id").is_in(several.implode()))
+    return (
+        of_run.group_by("run_id", maintain_order=True)
+        .agg(pl.col("path").first(), pl.len(), pl.col("seq").ne_missing(0).any().alias("counts"))
+        .filter(~pl.col("counts"))
+        .drop("counts")
+    )
 
 
 def check_speeds(events: pl.DataFrame) -> list[Diagnostic]:

@@ -52,10 +52,9 @@ def decode_bag(folder: Path, diagnostics: list[Diagnostic], *, signals: bool) ->
     ]
     decoded: dict[Path, Decoded] = {}
     failures: list[LogReadError] = []
-    numbering: dict[str, int] = {}
     for part in bag.parts:
         try:
-            decoded[part] = decode_file(part, complaints(part, diagnostics), numbering, signals=signals)
+            decoded[part] = decode_file(part, complaints(part, diagnostics), signals=signals)
         except LogReadError as error:
             size = counted(part.stat().st_size, "byte was", "bytes were")
             text = f"{error.reason}; none of its {size} read"
@@ -67,13 +66,12 @@ def decode_bag(folder: Path, diagnostics: list[Diagnostic], *, signals: bool) ->
     return decoded
 
 
-def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, signals: bool) -> Decoded:
+def decode_file(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     """Decode one file, by what it is and not by its name.
 
     Args:
         path: the file.
         complain: takes what is lost or doubtful.
-        numbering: how many messages of each topic earlier parts of its bag hold.
         signals: whether signals and scene are wanted too.
 
     Raises:
@@ -88,7 +86,7 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
     if file.kind is Format.SQLITE:
         from hrclog.log.bags.sqlite import read_database
 
-        contents = read_database(path, wanted, file.data or None, numbering)
+        contents = read_database(path, wanted, file.data or None)
     elif file.kind is Format.ROS1:
         from hrclog.log.bags.ros1 import read_ros1
 

@@ -30,8 +30,8 @@ _TIME: Final = struct.Struct("<II")
 _REINDEX: Final = "`rosbag reindex` closes it"
 
 _Fields = dict[bytes, bytes]
-_Row = tuple[int, int, int, bytes]
-"""(channel, sequence, time in ns, message)."""
+_Row = tuple[int, int, bytes]
+"""(channel, time in ns, message)."""
 
 
 def read_ros1(path: Path, data: bytes, wanted: Wanted) -> Contents:
@@ -113,10 +113,9 @@ class _Reader:
         elif code == _MESSAGE and len(fields.get(b"time", b"")) == _TIME.size:
             seconds, rest = _TIME.unpack(fields[b"time"])
             time_ns = seconds * 10**9 + rest
-            sequence = self._counts.get(number, 0)
-            self._counts[number] = sequence + 1
+            self._counts[number] = self._counts.get(number, 0) + 1
             if number in self._wanted_ids:
-                rows.append((number, sequence, time_ns, data[start:end]))
+                rows.append((number, time_ns, data[start:end]))
 
     def _declare(self, number: int, fields: _Fields, data: bytes) -> None:
         kind = _fields(data) or {}
@@ -132,8 +131,7 @@ class _Reader:
 
     def _add(self, rows: list[_Row]) -> None:
         if rows:
-            numbers, sequences, times, messages = zip(*rows, strict=True)
-            self.contents.batches.append(batch_of(numbers, sequences, times, messages))
+            self.contents.batches.append(batch_of(*zip(*rows, strict=True)))
 
 
 def _records(data: bytes, position: int) -> Iterator[tuple[_Fields, int, int]]:

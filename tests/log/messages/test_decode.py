@@ -123,9 +123,23 @@ def test_an_event_without_a_time_happened_when_it_was_published(tmp_path: Path, 
     assert logs.events["log_time_ns"].to_list() == [1000, 1001]
 
 
-def test_json_without_time_and_seq_takes_those_of_the_message(tmp_path: Path) -> None:
+def test_json_without_time_takes_that_of_the_message_and_no_number(tmp_path: Path) -> None:
     logs = read_log(write(tmp_path / "a.mcap", [b'{"kind":"heartbeat"}'] * 2, encoding="json"))
-    assert logs.events.select("time_ns", "seq").rows() == [(2000, 50), (2001, 51)]
+    assert logs.events.select("time_ns", "seq").rows() == [(2000, None), (2001, None)]
+
+
+def test_events_of_several_topics_and_byte_orders_are_in_the_order_of_writing(tmp_path: Path) -> None:
+    events: list[Event] = [TaskStarted(time_ns=9, agent=str(i), task="t", execution_id="e") for i in range(12)]
+    messages = [foreign([event], DEFINITION, little_endian=i % 3 > 0)[0] for i, event in enumerate(events)]
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(TYPE_NAME, "ros2msg", DEFINITION.encode())
+        topics = [writer.register_channel(f"/{name}", "cdr", schema) for name in "ab"]
+        for i, message in enumerate(messages):
+            writer.add_message(topics[i % 5 > 2], 1000, message, 1000)
+        writer.finish()
+    assert read_log(tmp_path / "a.mcap").events["agent"].to_list() == [event.agent for event in events]  # type: ignore[attr-defined]
 
 
 def test_json_details_may_be_an_object_or_its_text(tmp_path: Path) -> None:
