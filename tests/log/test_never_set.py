@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -75,6 +76,37 @@ def test_in_simulated_time_zero_is_an_instant_unless_all_of_the_plan_is_zero() -
     ]
     found, _ = without_unset(pl.DataFrame(rows, schema=EVENTS))
     assert found.select(*PLANNED, "planned_duration_s").rows() == [(0, 5, 0.0), (None, None, None)]
+
+
+@pytest.mark.parametrize(
+    "forgot",
+    [lambda _: True, lambda event: event.kind == "task_ended", lambda event: getattr(event, "agent", "") == HUMAN],
+)
+def test_an_event_whose_time_is_0_happened_when_it_was_received(tmp_path: Path, forgot: Any) -> None:  # noqa: ANN401 - a function
+    events = run(tasks=4)
+    zeros = [
+        Written(replace(entry.event, time_ns=0) if forgot(entry.event) else entry.event, entry.log_time)
+        for entry in events
+    ]
+    logs = read_logs(write(tmp_path / "a.mcap", zeros))
+    assert codes(logs) == ["never_set"]
+    count = sum(forgot(entry.event) for entry in events)
+    assert f"time_ns in {count} events: 0" in logs.diagnostics[0].message
+    assert logs.events.drop("path").equals(read_logs(write(tmp_path / "b.mcap", events)).events.drop("path"))
+
+
+def test_zeros_beside_a_time_of_0_are_judged_by_the_time_of_receipt(tmp_path: Path) -> None:
+    logs = read_logs(write(tmp_path / "a.mcap", run(), **ZEROS, time_ns=0, seq=0))
+    assert codes(logs) == ["never_set", "seq_never_set"]
+    assert all(logs.events[name].null_count() == logs.events.height for name in PLANNED)
+
+
+@pytest.mark.parametrize("times", [[0, 5 * SECOND, 9 * SECOND], [0], [0, -SECOND]])
+def test_in_simulated_time_0_is_an_instant_whatever_the_log_time(times: list[int]) -> None:
+    rows = [{"time_ns": time, "log_time_ns": BEGIN, "run_id": "r", "kind": "heartbeat"} for time in times]
+    found, diagnostics = without_unset(pl.DataFrame(rows, schema=EVENTS))
+    assert found["time_ns"].to_list() == times
+    assert diagnostics == []
 
 
 def test_planned_values_beside_instants_that_are_near_stay(tmp_path: Path) -> None:
