@@ -85,7 +85,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "run_not_ended": ("info", "the run has no run_ended event"),
     "clock_corrected": ("info", "the offset of an agent's clock was taken off its times"),
     "log_times_shifted": ("info", "log times are later or earlier than event times, for all agents alike"),
-    "log_times_untimely": ("info", "log times do not keep pace with event times, so clocks cannot be compared"),
+    "log_times_untimely": (
+        "info",
+        "log times do not keep pace with event times, of a run or an agent: clocks cannot be compared",
+    ),
 }
 """Every code, its severity and what it means. Errors mean that data was lost or skipped."""
 
