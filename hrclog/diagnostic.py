@@ -67,7 +67,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "an agent's clock is off, compared with others: its overlaps are wrong (`--clock` corrects it)",
     ),
-    "clock_jump": ("warning", "an agent's clock jumps within a run: durations and overlaps across the jump are wrong"),
+    "clock_jump": (
+        "warning",
+        "the clock of an agent, or of all, jumps within a run: durations and overlaps across the jump are wrong",
+    ),
     "clock_step": (
         "warning",
         "an execution's times run backwards: a clock was put back, and how long it took is not known",

@@ -27,6 +27,7 @@ from hrclog.log.clocks.series import (
     tolerance_ns,
     written_at_once,
 )
+from hrclog.log.clocks.shared_steps import shared_steps
 from hrclog.log.clocks.steps import Step, own_threshold_ns, steps, threshold_ns
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted
@@ -40,13 +41,13 @@ def check_clocks(events: pl.DataFrame) -> list[Diagnostic]:
     """Return what is doubtful about clocks, run by run.
 
     Args:
-        events: an events frame.
+        events: an events frame in the order of run and time.
     """
-    resumed = _resumed(events)
+    of_recorders = [*_resumed(events), *shared_steps(events)]
     if _all_go_together(events):
-        return resumed
+        return of_recorders
     runs = timed(_doubtful_runs(events)).partition_by("run_id", as_dict=True, maintain_order=True)
-    return [*resumed, *(finding for (run_id,), part in runs.items() for finding in _check_run(str(run_id), part))]
+    return [*of_recorders, *(finding for (run_id,), part in runs.items() for finding in _check_run(str(run_id), part))]
 
 
 def _all_go_together(events: pl.DataFrame) -> bool:
