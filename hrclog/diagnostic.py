@@ -81,6 +81,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),
+    "foreign_type": ("info", "a topic of events carries messages of another type, which were not read"),
     "unprotected": ("info", "no message of the file is covered by a checksum: damage to it cannot be seen"),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),

@@ -17,7 +17,14 @@ from hrclog.log.losses import NO_FOOTER, recorded_losses
 from hrclog.log.mcap.contents import Contents, Wanted
 from hrclog.log.mcap.indexed import read_contents
 from hrclog.log.mcap.records import MAGIC
-from hrclog.log.messages.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
+from hrclog.log.messages.decode import (
+    EVENT_COLUMNS,
+    Decoded,
+    decode_contents,
+    foreign_types,
+    is_event_channel,
+    is_wanted,
+)
 from hrclog.log.messages.failures import Complain
 from hrclog.log.writing.journal import PARTIAL_SUFFIX
 from hrclog.wording import counted
@@ -94,6 +101,14 @@ def decode_file(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     else:
         contents = _read_mcap(path, file.data, wanted)
     contents.problems[:0] = file.problems
+    _tell_of_contents(path, contents, complain)
+    decoded = decode_contents(contents, complain, signals=signals)
+    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
+        _report_several_runs(decoded.events, complain)
+    return decoded
+
+
+def _tell_of_contents(path: Path, contents: Contents, complain: Complain) -> None:
     for problem in contents.problems:
         complain(problem.code, problem.message, problem.offset)
     if contents.unprotected:
@@ -102,10 +117,8 @@ def decode_file(path: Path, complain: Complain, *, signals: bool) -> Decoded:
         complain("recovered_with_losses", text, None)
     if not contents.finished:
         _tell_of_the_end(path, contents, complain)
-    decoded = decode_contents(contents, complain, signals=signals)
-    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
-        _report_several_runs(decoded.events, complain)
-    return decoded
+    for topic, kind in foreign_types(contents):
+        complain("foreign_type", f"{topic} carries {kind}, which is no event: its messages were not read", None)
 
 
 def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:

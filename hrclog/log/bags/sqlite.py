@@ -46,6 +46,7 @@ def read_database(path: Path, wanted: Wanted, content: bytes | None) -> Contents
         description = f"an SQLite file that cannot be read ({error})"
         raise LogReadError(path, description, "a part of a ROS 2 bag") from error
     contents.problems += _missing_pages(path, content)
+    contents.unprotected = bool(contents.batches or contents.counts)
     return contents
 
 

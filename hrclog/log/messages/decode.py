@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -32,6 +33,8 @@ _NO_EVENTS: Final = EVENT_COLUMNS.to_frame()
 _SIGNAL_TYPES: Final = (channels.FLOAT_TYPE, channels.JOINTS_TYPE)
 _SCENE_TYPES: Final = (channels.STRING_TYPE, channels.POSE_TYPE)
 
+_KIND: Final = re.compile(rb"\bkind\b")
+
 _Decode = Callable[[bytes], Any]
 _DecodeBatch = Callable[[Batch], tuple[pl.DataFrame, IntArray]]
 """Returns the events, and which of the messages they are."""
@@ -57,10 +60,22 @@ def is_event_channel(channel: Channel, schema: Schema | None) -> bool:
 
     JSON texts have no type of ours to tell them by: in a namespace, the end of the topic does.
     """
-    if channel.topic == channels.EVENTS_TOPIC or _type_of(schema) == message.TYPE_NAME:
+    if _type_of(schema) == message.TYPE_NAME:
         return True
+    if channel.topic == channels.EVENTS_TOPIC:
+        return channel.message_encoding == "json" or not _is_foreign(schema)
     is_json = channel.message_encoding == "json" or _type_of(schema) in ("", channels.STRING_TYPE)
     return is_json and channel.topic.endswith(channels.EVENTS_TOPIC)
+
+
+def foreign_types(contents: Contents) -> list[tuple[str, str]]:
+    """Return topic and type of the channels on topics of events that carry something else."""
+    return [
+        (channel.topic, _type_of(schema))
+        for channel in contents.channels.values()
+        if channel.topic.endswith(channels.EVENTS_TOPIC)
+        and not is_event_channel(channel, schema := contents.schemas.get(channel.schema_id))
+    ]
 
 
 def is_wanted(channel: Channel, schema: Schema | None) -> bool:
@@ -115,6 +130,14 @@ def _decode_signals(part: Batch, channel: Channel, schema: Schema | None, decode
 
 def _type_of(schema: Schema | None) -> str:
     return "" if schema is None else type_name(schema.name)
+
+
+def _is_foreign(schema: Schema | None) -> bool:
+    """Return whether a type can be none of ours: by its name, and as a definition may have moved to another package."""
+    name = _type_of(schema)
+    if schema is None or name in ("", channels.STRING_TYPE) or name.endswith("/TaskEvent"):
+        return False
+    return not _KIND.search(schema.data)
 
 
 def _is_signal(channel: Channel, schema: Schema | None) -> bool:

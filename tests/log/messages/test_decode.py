@@ -281,6 +281,37 @@ def test_a_string_on_another_topic_is_no_event(tmp_path: Path) -> None:
     assert [found.code for found in read_log(path).diagnostics] == ["no_events"]
 
 
+@pytest.mark.parametrize("definition", ["int32 x\n", ""])
+@pytest.mark.parametrize("encoding", ["cdr", "ros1", "protobuf"])
+def test_another_type_on_our_topic_is_named_and_no_event(tmp_path: Path, definition: str, encoding: str) -> None:
+    path = write(tmp_path / "a.mcap", [bytes(8)] * 3, definition, encoding, name="cell_msgs/msg/State")
+    logs = read_log(path)
+    assert [found.code for found in logs.diagnostics] == ["foreign_type", "no_events"]
+    assert "/hrc/events carries cell_msgs/msg/State" in logs.diagnostics[0].message
+    assert "/hrc/events (cell_msgs/msg/State, 3 messages)" in logs.diagnostics[1].message
+
+
+@pytest.mark.parametrize("topic", ["/hrc/events", "/cell_2/hrc/events"])
+def test_another_type_beside_our_events_costs_a_remark(tmp_path: Path, topic: str) -> None:
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        ours = writer.register_channel("/hrc/events", "json", 0)
+        theirs = writer.register_channel(topic, "cdr", writer.register_schema("foo/msg/Bar", "ros2msg", b"int32 x"))
+        for channel, data in ((ours, b'{"kind":"heartbeat","run_id":"r"}'), (theirs, bytes(8))):
+            writer.add_message(channel, 5, data, 5)
+        writer.finish()
+    logs = read_log(tmp_path / "a.mcap")
+    assert logs.events.height == 1
+    assert [(found.code, found.severity) for found in logs.diagnostics] == [("foreign_type", "info")]
+
+
+def test_our_definition_in_another_package_is_ours(tmp_path: Path) -> None:
+    messages = [encode_row(to_row(Heartbeat(time_ns=3, run_id="r")))]
+    for name, definition in (("cell_msgs/msg/Happening", DEFINITION), ("cell_msgs/msg/TaskEvent", "")):
+        assert read_log(write(tmp_path / "a.mcap", messages, definition, name=name)).events.height == 1
+
+
 def test_a_signal_topic_of_a_foreign_type_is_no_signal(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", [bytes(12)], "int64 data", name="std_msgs/msg/Int64", topic="/hrc/signals/x")
     assert read_log(path, signals=True).signals.is_empty()
