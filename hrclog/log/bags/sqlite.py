@@ -14,6 +14,7 @@ from urllib.parse import quote
 from mcap.records import Channel, Schema
 
 from hrclog.errors import LogReadError
+from hrclog.log.bags.sqlite_rows import Damage, message_rows
 from hrclog.log.mcap.contents import Contents, Wanted, batch_of
 from hrclog.log.mcap.records import Problem
 from hrclog.wording import counted
@@ -103,23 +104,19 @@ def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wan
         contents.counts = {int(topic_id): int(count) for topic_id, count in database.execute(query)}
         return
     batch_rows: list[_Row] = []
-    n_bytes, n_messages, n_odd = 0, 0, 0
-    marks = ", ".join("?" * len(ids))
-    query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY rowid"  # noqa: S608 - marks are question marks
-    try:
-        for topic_id, time_ns, data in database.execute(query, ids):
-            if not _is_message(time_ns, data):
-                n_odd += 1
-                continue
-            batch_rows.append((topic_id, time_ns, data))
-            n_messages += 1
-            n_bytes += len(data)
-            if n_bytes > _BATCH_BYTES:
-                contents.batches.append(batch_of(*zip(*batch_rows, strict=True)))
-                batch_rows, n_bytes = [], 0
-    except sqlite3.Error as error:
-        text = f"the database is damaged ({error}) behind its first {counted(n_messages, 'message')} of our topics"
-        contents.problems.append(Problem("corrupt_data", 0, text))
+    n_bytes, n_odd = 0, 0
+    damage = Damage()
+    for topic_id, time_ns, data in message_rows(database, ids, damage):
+        if not _is_message(time_ns, data):
+            n_odd += 1
+            continue
+        batch_rows.append((topic_id, time_ns, data))
+        n_bytes += len(data)
+        if n_bytes > _BATCH_BYTES:
+            contents.batches.append(batch_of(*zip(*batch_rows, strict=True)))
+            batch_rows, n_bytes = [], 0
+    if damage.error:
+        contents.problems.append(Problem("corrupt_data", 0, damage.text, n_messages=damage.n_lost))
     if batch_rows:
         contents.batches.append(batch_of(*zip(*batch_rows, strict=True)))
     if n_odd:

@@ -147,6 +147,7 @@ def _unpack_file(path: Path, data: bytes, kind: Format) -> Loaded:
         return Loaded(kind, unpacked.data, [])
     if not unpacked.data:
         raise LogReadError(path, f"{kind.value} that cannot be unpacked ({unpacked.trouble})", "a whole file")
-    left = counted(len(data) - unpacked.n_read, "byte")
-    text = f"the compressed file is damaged ({unpacked.trouble}); its last {left} could not be unpacked"
+    n_left = len(data) - unpacked.n_read
+    left = f"; its last {counted(n_left, 'byte')} could not be unpacked" if n_left else ""
+    text = f"the compressed file is damaged ({unpacked.trouble}){left}"
     return Loaded(kind, unpacked.data, [Problem("truncated", unpacked.n_read, text)])

@@ -335,6 +335,23 @@ def test_an_sqlite_part_that_breaks_off_gives_what_is_left_of_it(tmp_path: Path)
     assert f"of its {len(data):,} bytes are missing" in found[0].message
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+def test_a_zeroed_page_of_sqlite_costs_what_lies_in_it_and_is_counted(tmp_path: Path, share: float) -> None:
+    events = recording(400)
+    part = write_database(tmp_path / "bag", events)
+    data = bytearray(part.read_bytes())
+    page = int(len(data) * share) // 4096 * 4096
+    data[page : page + 4096] = bytes(4096)
+    part.write_bytes(data)
+    logs = read_logs(part.parent)
+    n_lost = len(events) - logs.events.height
+    assert 0 < n_lost < 40
+    assert {events[0].seq, events[-1].seq} <= set(logs.events["seq"])
+    (damage,) = (found for found in logs.diagnostics if found.code == "corrupt_data")
+    n_rows = int(damage.message.split(": ")[1].split(" rows of all topics cannot be read in 1 place")[0])
+    assert n_lost <= n_rows <= 2 * n_lost + 1  # every second row is of another topic
+
+
 def test_messages_of_sqlite_without_numbers_are_numbered_through_the_parts(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     for number, part in enumerate((RUN[:6], RUN[6:])):
