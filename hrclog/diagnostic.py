@@ -67,7 +67,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "an agent's clock is off, compared with others: its overlaps are wrong (`--clock` corrects it)",
     ),
-    "clock_jump": ("warning", "an agent's clock jumps within a run: durations and overlaps across the jump are wrong"),
+    "clock_jump": (
+        "warning",
+        "the clock of an agent, or of all, jumps within a run: durations and overlaps across the jump are wrong",
+    ),
     "clock_step": (
         "warning",
         "an execution's times run backwards: a clock was put back, and how long it took is not known",
@@ -78,6 +81,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),
+    "foreign_type": ("info", "a topic of events carries messages of another type, which were not read"),
     "unprotected": (
         "info",
         "no checksum covers the messages of the file, or of the one it was recovered from: damage cannot be seen",
@@ -88,7 +92,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "run_not_ended": ("info", "the run has no run_ended event"),
     "clock_corrected": ("info", "the offset of an agent's clock was taken off its times"),
     "log_times_shifted": ("info", "log times are later or earlier than event times, for all agents alike"),
-    "log_times_untimely": ("info", "log times do not keep pace with event times, so clocks cannot be compared"),
+    "log_times_untimely": (
+        "info",
+        "log times do not keep pace with event times, of a run or an agent: clocks cannot be compared",
+    ),
 }
 """Every code, its severity and what it means. Errors mean that data was lost or skipped."""
 

@@ -251,11 +251,13 @@ def _read_run(path: Path, clocks: dict[str, int]) -> tuple[list[Event], int]:
     from hrclog.errors import ScenarioError
     from hrclog.event_rows import from_row
     from hrclog.log.clocks.correction import on_one_clock
+    from hrclog.log.never_set import with_numbers, without_unset
     from hrclog.log.reader import read_log
 
     logs = read_log(path)
-    events, corrections = on_one_clock(logs.events, clocks)
-    code = tell([*logs.diagnostics, *corrections])
+    events, unset = without_unset(logs.events)
+    events, corrections = on_one_clock(with_numbers(events)[0], clocks)
+    code = tell([*logs.diagnostics, *unset, *corrections])
     n_runs = events["run_id"].drop_nulls().n_unique()
     if n_runs != 1:
         raise ScenarioError(f"{path}: found {n_runs} runs, expected the log of one; hrclog info lists them")

@@ -94,6 +94,15 @@ def check_events(events: pl.DataFrame) -> list[Diagnostic]:
     ]
 
 
+def check_given_numbers(events: pl.DataFrame) -> list[Diagnostic]:
+    """Check the numbers in runs where some events carry none: `with_numbers` replaces those that were given."""
+    if not events["seq"].null_count():
+        return []
+    is_partly = pl.col("seq").is_null().any().over("run_id")
+    given = events.filter(is_partly & pl.col("seq").is_not_null())
+    return [finding for finding in _sequence(given) if finding.code != "time_not_monotonic"]
+
+
 def _sequence(events: pl.DataFrame) -> list[Diagnostic]:
     seq = pl.col("seq")
     # compare within an agent: agents may be recorded one after the other

@@ -68,6 +68,7 @@ class JournalFollower:
         self._seen = b""
         self._block = BLOCK
         self._contents = Contents()
+        self._n_events = 0
 
     @property
     def position(self) -> int:
@@ -109,6 +110,7 @@ class JournalFollower:
             same = os.read(fd, len(self._seen)) == self._seen
         if not same:
             self._position, self._seen, self._block, self._contents = 0, b"", BLOCK, Contents()
+            self._n_events = 0
         return not same
 
     def _take(self, data: bytes) -> tuple[int, list[Problem]]:
@@ -172,7 +174,10 @@ class JournalFollower:
         self._contents.batches = []
         scene = recorded_scene(decoded.scene, None, lambda text: complain("invalid_scene", text))
         events = pl.concat([EVENT_COLUMNS.to_frame(), *decoded.events])
-        events = events.with_columns(pl.lit(str(self.path)).alias("path")).select(EVENTS.names())
+        written = pl.int_range(self._n_events, self._n_events + pl.len(), dtype=pl.Int64)
+        self._n_events += events.height
+        events = events.with_columns(pl.col("seq").fill_null(written), pl.lit(str(self.path)).alias("path"))
+        events = events.select(EVENTS.names())
         signals = pl.concat([SIGNAL_COLUMNS.to_frame(), *decoded.signals])
         return News(events, signals, scene, tuple(diagnostics), restarted, more, changed_ns)
 

@@ -20,6 +20,7 @@ from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import LATEST_NS, AnnotationAdded
 from hrclog.log.mcap.records import Problem
+from hrclog.log.messages.message import UNSET_INT
 from hrclog.log.remarks import RECOVERED, remarks_among
 from hrclog.log.writing.journal import LIBRARY
 from hrclog.wording import counted
@@ -144,11 +145,14 @@ def remarks_on(loss: Loss, events: pl.DataFrame) -> list[AnnotationAdded]:
     """
     placed = events.filter(
         pl.col("time_ns").is_between(0, LATEST_NS)
-        & pl.col("seq").is_between(0, _LAST_SEQ)
+        & pl.col("seq").is_between(0, _LAST_SEQ).fill_null(value=True)
         & pl.col("run_id").is_not_null()
     )
     ends = placed.group_by("run_id", maintain_order=True).agg(pl.col("seq").max(), pl.col("time_ns").max())
-    return [replace(remark(loss), run_id=run_id, seq=seq, time_ns=time_ns) for run_id, seq, time_ns in ends.iter_rows()]
+    return [
+        replace(remark(loss), run_id=run_id, seq=UNSET_INT if seq is None else seq, time_ns=time_ns)
+        for run_id, seq, time_ns in ends.iter_rows()
+    ]
 
 
 def remark(loss: Loss) -> AnnotationAdded:

@@ -17,7 +17,14 @@ from hrclog.log.losses import NO_FOOTER, recorded_remarks
 from hrclog.log.mcap.contents import Contents, Wanted
 from hrclog.log.mcap.indexed import read_contents
 from hrclog.log.mcap.records import MAGIC
-from hrclog.log.messages.decode import EVENT_COLUMNS, Decoded, decode_contents, is_event_channel, is_wanted
+from hrclog.log.messages.decode import (
+    EVENT_COLUMNS,
+    Decoded,
+    decode_contents,
+    foreign_types,
+    is_event_channel,
+    is_wanted,
+)
 from hrclog.log.messages.failures import Complain
 from hrclog.log.writing.journal import PARTIAL_SUFFIX
 from hrclog.wording import counted
@@ -52,10 +59,9 @@ def decode_bag(folder: Path, diagnostics: list[Diagnostic], *, signals: bool) ->
     ]
     decoded: dict[Path, Decoded] = {}
     failures: list[LogReadError] = []
-    numbering: dict[str, int] = {}
     for part in bag.parts:
         try:
-            decoded[part] = decode_file(part, complaints(part, diagnostics), numbering, signals=signals)
+            decoded[part] = decode_file(part, complaints(part, diagnostics), signals=signals)
         except LogReadError as error:
             size = counted(part.stat().st_size, "byte was", "bytes were")
             text = f"{error.reason}; none of its {size} read"
@@ -67,13 +73,12 @@ def decode_bag(folder: Path, diagnostics: list[Diagnostic], *, signals: bool) ->
     return decoded
 
 
-def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, signals: bool) -> Decoded:
+def decode_file(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     """Decode one file, by what it is and not by its name.
 
     Args:
         path: the file.
         complain: takes what is lost or doubtful.
-        numbering: how many messages of each topic earlier parts of its bag hold.
         signals: whether signals and scene are wanted too.
 
     Raises:
@@ -88,7 +93,7 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
     if file.kind is Format.SQLITE:
         from hrclog.log.bags.sqlite import read_database
 
-        contents = read_database(path, wanted, file.data or None, numbering)
+        contents = read_database(path, wanted, file.data or None)
     elif file.kind is Format.ROS1:
         from hrclog.log.bags.ros1 import read_ros1
 
@@ -96,6 +101,14 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
     else:
         contents = _read_mcap(path, file.data, wanted)
     contents.problems[:0] = file.problems
+    _tell_of_contents(path, contents, complain)
+    decoded = decode_contents(contents, complain, signals=signals)
+    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
+        _report_several_runs(decoded.events, complain)
+    return decoded
+
+
+def _tell_of_contents(path: Path, contents: Contents, complain: Complain) -> None:
     for problem in contents.problems:
         complain(problem.code, problem.message, problem.offset)
     if contents.unprotected:
@@ -104,10 +117,8 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
         complain(code, text, None)
     if not contents.finished:
         _tell_of_the_end(path, contents, complain)
-    decoded = decode_contents(contents, complain, signals=signals)
-    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
-        _report_several_runs(decoded.events, complain)
-    return decoded
+    for topic, kind in foreign_types(contents):
+        complain("foreign_type", f"{topic} carries {kind}, which is no event: its messages were not read", None)
 
 
 def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:

@@ -17,7 +17,7 @@ import polars as pl
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.log.bags.folder import is_bag
-from hrclog.log.checks import check_events, usable, without_copies
+from hrclog.log.checks import check_events, check_given_numbers, usable, without_copies
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks, on_one_clock
 from hrclog.log.files.discover import find_logs, unread_logs
 from hrclog.log.files.system import exists
@@ -27,7 +27,7 @@ from hrclog.log.messages.failures import Complain
 from hrclog.log.messages.message import EVENTS
 from hrclog.log.messages.recorded_scene import RecordedScene, merged, recorded_scene
 from hrclog.log.messages.signals import SIGNAL_COLUMNS, merged_samples
-from hrclog.log.never_set import with_numbers, without_unset
+from hrclog.log.never_set import with_left_out_zero, with_numbers, without_unset
 from hrclog.log.parts import complaints, decode_bag, decode_file
 from hrclog.log.runs.names import Joined, joined_splits, name_runs, named
 from hrclog.log.writing.journal import journal_path
@@ -148,7 +148,7 @@ def _read_all(
 
 
 def read_log(path: Path, *, signals: bool = False) -> Logs:
-    """Read one file or bag.
+    """Read one file or bag; its events are in the order of writing, and `seq` is null where the writer gave none.
 
     Raises:
         LogReadError: it is missing, cannot be opened, or is no event log at all.
@@ -162,7 +162,7 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     if is_bag(path):
         decoded = decode_bag(path, diagnostics, signals=signals)
     else:
-        decoded = {path: decode_file(path, complain, {}, signals=signals)}
+        decoded = {path: decode_file(path, complain, signals=signals)}
     pieces = [(part, _stacked(content.events, EVENT_COLUMNS)) for part, content in decoded.items()]
     frames, texts = name_runs(pieces, path)
     for text in texts:
@@ -264,11 +264,13 @@ def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks) ->
     ]
     events, copies = without_copies(pl.concat([part.events for part in parts]))
     events, unset = without_unset(events.select(EVENTS.names()))
+    events = with_left_out_zero(events)
+    misnumbered = check_given_numbers(events)
     events, unnumbered = with_numbers(events)
     events, corrections = on_one_clock(events, clocks)
     events = events.sort(ORDER, maintain_order=True)
     losses = annotated_losses(events, diagnostics)
-    diagnostics += [*losses, *copies, *unset, *unnumbered, *corrections, *check_events(events)]
+    diagnostics += [*losses, *copies, *unset, *misnumbered, *unnumbered, *corrections, *check_events(events)]
     events = usable(events)
     samples = merged_samples([part.signals for part in parts])
     paths = [path for part in parts for path in part.paths]

@@ -182,7 +182,7 @@ def test_a_ros_2_bag_without_definitions_is_taken_to_hold_our_layout(
         database.execute("delete from message_definitions")
         database.commit()
     logs = read_logs(bag)
-    assert [diagnostic.code for diagnostic in logs.diagnostics] == ["assumed_definition"]
+    assert [diagnostic.code for diagnostic in logs.diagnostics] == ["unprotected", "assumed_definition"]
     assert logs.events.drop("path", "log_time_ns").equals(frame.drop("path", "log_time_ns"))
 
 
@@ -219,7 +219,7 @@ def test_a_ros_1_bag_of_our_channel_gives_equal_events(
         for log_time, data in _event_messages(log):
             writer.write(connection, log_time + 7, bytes(store.cdr_to_ros1(data, TYPE_NAME)))
     logs = read_logs(bag)
-    assert logs.diagnostics == []
+    assert [found.code for found in logs.diagnostics] == ["unprotected"]
     assert logs.events.drop("path", "log_time_ns").equals(frame.drop("path", "log_time_ns"))
 
 
@@ -235,7 +235,7 @@ def test_a_bag_with_a_layout_of_its_own_gives_equal_events(frame: pl.DataFrame, 
             message = own.types[TYPE_NAME](extra=1.0, **(values | floats))
             writer.write(connection, T0, bytes(own.serialize_cdr(message, TYPE_NAME)))
     logs = read_logs(tmp_path / "bag")
-    assert logs.diagnostics == []
+    assert [found.code for found in logs.diagnostics] == ["unprotected"]
     assert logs.events.drop("path", "log_time_ns").equals(frame.drop("path", "log_time_ns"))
 
 
@@ -247,7 +247,11 @@ def test_a_bag_with_a_damaged_message_gives_the_others(tmp_path: Path, store: Ty
             writer.write(connection, T0, data)
     logs = read_logs(tmp_path / "bag")
     assert logs.events["seq"].to_list() == [0, 2]
-    assert [diagnostic.code for diagnostic in logs.diagnostics] == ["undecodable_event", "events_missing"]
+    assert [diagnostic.code for diagnostic in logs.diagnostics] == [
+        "unprotected",
+        "undecodable_event",
+        "events_missing",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -271,4 +275,4 @@ def test_a_bag_without_our_topic_is_said_to_carry_no_events(tmp_path: Path, stor
         connection = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
         writer.write(connection, T0, b"\0\1\0\0\2\0\0\0a\0")
     logs = read_logs(tmp_path / "bag", signals=True)
-    assert [diagnostic.code for diagnostic in logs.diagnostics] == ["no_events"]
+    assert [diagnostic.code for diagnostic in logs.diagnostics] == ["unprotected", "no_events"]

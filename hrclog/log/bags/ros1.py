@@ -1,7 +1,8 @@
 """Read a ROS 1 bag from front to end, closed or not, as what an MCAP file holds.
 
 The format: http://wiki.ros.org/Bags/Format/2.0. The index is not needed, so that bags whose recorder was killed
-(`.bag.active`) and bags that break off are read as far as they go. There are no checksums.
+(`.bag.active`) and bags that break off are read as far as they go. There are no checksums but those of
+compressed chunks.
 """
 
 from __future__ import annotations
@@ -25,13 +26,14 @@ VERSION: Final = b"#ROSBAG V2.0\n"
 
 _MESSAGE, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
 _MOST_CHUNK: Final = 1 << 28  # bytes after decompression; a larger chunk is taken for a decompression bomb
+_LZ4_FLAGS_AT: Final = 4  # behind the magic number
 _SIZE: Final = struct.Struct("<I")
 _TIME: Final = struct.Struct("<II")
 _REINDEX: Final = "`rosbag reindex` closes it"
 
 _Fields = dict[bytes, bytes]
-_Row = tuple[int, int, int, bytes]
-"""(channel, sequence, time in ns, message)."""
+_Row = tuple[int, int, bytes]
+"""(channel, time in ns, message)."""
 
 
 def read_ros1(path: Path, data: bytes, wanted: Wanted) -> Contents:
@@ -63,6 +65,7 @@ class _Reader:
         self._wanted = wanted
         self._wanted_ids: set[int] = set()
         self._counts: dict[int, int] = {}
+        self._has_checksum = False
 
     def read(self) -> None:
         contents, rows = self.contents, list[_Row]()
@@ -81,6 +84,7 @@ class _Reader:
         left = len(self._data) - position
         contents.finished = index_position > 0
         contents.counts = self._counts
+        contents.unprotected = bool(self._counts) and not self._has_checksum
         if not contents.finished:
             tail = f" and its last {counted(left, 'byte is', 'bytes are')} no whole record" if left else ""
             text = f"the ROS 1 bag was not closed: it has no index{tail}; {_REINDEX}"
@@ -97,6 +101,7 @@ class _Reader:
             text = f"a chunk of {counted(end - start, 'byte')} cannot be unpacked ({error}) and was skipped"
             self.contents.problems.append(Problem("corrupt_data", start, text))
             return
+        self._has_checksum |= _has_checksum(chunk, self._data[start:end])
         position = 0
         for fields, first, last in _records(content, 0):
             position = last
@@ -113,10 +118,9 @@ class _Reader:
         elif code == _MESSAGE and len(fields.get(b"time", b"")) == _TIME.size:
             seconds, rest = _TIME.unpack(fields[b"time"])
             time_ns = seconds * 10**9 + rest
-            sequence = self._counts.get(number, 0)
-            self._counts[number] = sequence + 1
+            self._counts[number] = self._counts.get(number, 0) + 1
             if number in self._wanted_ids:
-                rows.append((number, sequence, time_ns, data[start:end]))
+                rows.append((number, time_ns, data[start:end]))
 
     def _declare(self, number: int, fields: _Fields, data: bytes) -> None:
         kind = _fields(data) or {}
@@ -132,8 +136,7 @@ class _Reader:
 
     def _add(self, rows: list[_Row]) -> None:
         if rows:
-            numbers, sequences, times, messages = zip(*rows, strict=True)
-            self.contents.batches.append(batch_of(numbers, sequences, times, messages))
+            self.contents.batches.append(batch_of(*zip(*rows, strict=True)))
 
 
 def _records(data: bytes, position: int) -> Iterator[tuple[_Fields, int, int]]:
@@ -167,6 +170,14 @@ def _fields(header: bytes) -> _Fields | None:
 
 def _code(fields: _Fields) -> int:
     return int.from_bytes(fields.get(b"op", b"")[:1], "little")
+
+
+def _has_checksum(chunk: _Fields, content: bytes) -> bool:
+    """Return whether the compression of a chunk has a checksum of what it holds: bz2 always has one."""
+    name = chunk.get(b"compression", b"none")
+    return name == b"bz2" or (
+        name == b"lz4" and len(content) > _LZ4_FLAGS_AT and bool(content[_LZ4_FLAGS_AT] & 0b10100)
+    )
 
 
 def _expand(chunk: _Fields, content: bytes) -> bytes:

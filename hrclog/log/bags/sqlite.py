@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +14,8 @@ from urllib.parse import quote
 from mcap.records import Channel, Schema
 
 from hrclog.errors import LogReadError
-from hrclog.log.mcap.contents import Batch, Contents, Wanted, batch_of
+from hrclog.log.bags.sqlite_rows import Damage, message_rows
+from hrclog.log.mcap.contents import Contents, Wanted, batch_of
 from hrclog.log.mcap.records import Problem
 from hrclog.wording import counted
 
@@ -26,18 +27,13 @@ _Row = tuple[int, int, bytes]
 """(topic, time in ns, message)."""
 
 
-Numbering = dict[str, int]
-"""How many messages of each topic the parts before have."""
-
-
-def read_database(path: Path, wanted: Wanted, content: bytes | None, numbering: Numbering) -> Contents:
+def read_database(path: Path, wanted: Wanted, content: bytes | None) -> Contents:
     """Read the messages of a part of a bag, as far as it is whole.
 
     Args:
         path: the file; a journal of SQLite beside it is taken into account.
         wanted: says of a channel and its schema whether its messages are needed.
         content: what the file holds, if it was compressed.
-        numbering: where the numbers of messages, which SQLite does not store, go on; the messages read are added.
 
     Raises:
         LogReadError: it cannot be opened, or is no part of a bag.
@@ -46,11 +42,12 @@ def read_database(path: Path, wanted: Wanted, content: bytes | None, numbering: 
     try:
         with _opened(path, content) as database:
             _declare(database, contents, path)
-            _read_messages(database, contents, wanted, numbering)
+            _read_messages(database, contents, wanted)
     except (sqlite3.Error, OSError, UnicodeDecodeError) as error:
         description = f"an SQLite file that cannot be read ({error})"
         raise LogReadError(path, description, "a part of a ROS 2 bag") from error
     contents.problems += _missing_pages(path, content)
+    contents.unprotected = bool(contents.batches or contents.counts)
     return contents
 
 
@@ -100,33 +97,28 @@ def _columns(database: sqlite3.Connection, table: str) -> set[str]:
     return {name for (name,) in database.execute("SELECT name FROM pragma_table_info(?)", (table,))}
 
 
-def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wanted, numbering: Numbering) -> None:
+def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wanted) -> None:
     ids = [channel.id for channel in contents.channels.values() if wanted(channel, contents.schemas[channel.schema_id])]
     if not ids:
         query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
         contents.counts = {int(topic_id): int(count) for topic_id, count in database.execute(query)}
         return
     batch_rows: list[_Row] = []
-    n_bytes, n_messages, n_odd = 0, 0, 0
-    topics = {channel.id: channel.topic for channel in contents.channels.values()}
-    marks = ", ".join("?" * len(ids))
-    query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY rowid"  # noqa: S608 - marks are question marks
-    try:
-        for topic_id, time_ns, data in database.execute(query, ids):
-            if not _is_message(time_ns, data):
-                n_odd += 1
-                continue
-            batch_rows.append((topic_id, time_ns, data))
-            n_messages += 1
-            n_bytes += len(data)
-            if n_bytes > _BATCH_BYTES:
-                contents.batches.append(_batch(batch_rows, topics, numbering))
-                batch_rows, n_bytes = [], 0
-    except sqlite3.Error as error:
-        text = f"the database is damaged ({error}) behind its first {counted(n_messages, 'message')} of our topics"
-        contents.problems.append(Problem("corrupt_data", 0, text))
+    n_bytes, n_odd = 0, 0
+    damage = Damage()
+    for topic_id, time_ns, data in message_rows(database, ids, damage):
+        if not _is_message(time_ns, data):
+            n_odd += 1
+            continue
+        batch_rows.append((topic_id, time_ns, data))
+        n_bytes += len(data)
+        if n_bytes > _BATCH_BYTES:
+            contents.batches.append(batch_of(*zip(*batch_rows, strict=True)))
+            batch_rows, n_bytes = [], 0
+    if damage.error:
+        contents.problems.append(Problem("corrupt_data", 0, damage.text, n_messages=damage.n_lost))
     if batch_rows:
-        contents.batches.append(_batch(batch_rows, topics, numbering))
+        contents.batches.append(batch_of(*zip(*batch_rows, strict=True)))
     if n_odd:
         text = counted(n_odd, "row holds no message and was skipped", "rows hold no messages and were skipped")
         contents.problems.append(Problem("corrupt_data", 0, text))
@@ -134,17 +126,6 @@ def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wan
 
 def _is_message(time_ns: Any, data: Any) -> bool:  # noqa: ANN401 - SQLite's columns hold anything
     return isinstance(data, bytes) and isinstance(time_ns, int) and -_INT64 <= time_ns < _INT64
-
-
-def _batch(rows: list[_Row], topics: Mapping[int, str], numbering: Numbering) -> Batch:
-    """Return rows as a batch, their numbers going on from those before."""
-    sequences: list[int] = []
-    for topic_id, _, _ in rows:
-        topic = topics[topic_id]
-        sequences.append(numbering.get(topic, 0))
-        numbering[topic] = sequences[-1] + 1
-    ids, times, messages = zip(*rows, strict=True)
-    return batch_of(ids, sequences, times, messages)
 
 
 def _missing_pages(path: Path, content: bytes | None) -> list[Problem]:

@@ -15,6 +15,8 @@ from hrclog.event_rows import parse_details
 from hrclog.events import CLOCK_SHIFT, LATEST_NS
 from hrclog.log.clocks.offsets import offset_text, seconds_text
 from hrclog.log.clocks.series import (
+    FEW,
+    FEW_NS,
     LEAST_NS,
     RECORDER,
     Series,
@@ -25,7 +27,8 @@ from hrclog.log.clocks.series import (
     tolerance_ns,
     written_at_once,
 )
-from hrclog.log.clocks.steps import Step, steps, threshold_ns
+from hrclog.log.clocks.shared_steps import shared_steps
+from hrclog.log.clocks.steps import Step, own_threshold_ns, steps, threshold_ns
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted
 
@@ -38,13 +41,13 @@ def check_clocks(events: pl.DataFrame) -> list[Diagnostic]:
     """Return what is doubtful about clocks, run by run.
 
     Args:
-        events: an events frame.
+        events: an events frame in the order of run and time.
     """
-    resumed = _resumed(events)
+    of_recorders = [*_resumed(events), *shared_steps(events)]
     if _all_go_together(events):
-        return resumed
+        return of_recorders
     runs = timed(_doubtful_runs(events)).partition_by("run_id", as_dict=True, maintain_order=True)
-    return [*resumed, *(finding for (run_id,), part in runs.items() for finding in _check_run(str(run_id), part))]
+    return [*of_recorders, *(finding for (run_id,), part in runs.items() for finding in _check_run(str(run_id), part))]
 
 
 def _all_go_together(events: pl.DataFrame) -> bool:
@@ -76,15 +79,23 @@ def _check_run(run_id: str, run_events: pl.DataFrame) -> list[Diagnostic]:
     agents = [one for one in series if one.agent != RECORDER]
     if not agents:
         return []
-    if written_at_once(run_events) or not keeps_pace(series):
+    telling = [one for one in series if one.tells]
+    if written_at_once(run_events) or not keeps_pace([one for one in telling if one.agent != RECORDER] or series):
         return [_written_afterwards(run_events, path, run_id)]
-    expected_ns = reference(series)
-    threshold = threshold_ns(series)
-    jumps = {one.agent: steps(one, threshold, expected_ns) for one in agents}
+    expected_ns = reference(telling)
+    threshold = threshold_ns(telling)
+    jumps = {
+        one.agent: steps(one, own_threshold_ns(one, threshold), expected_ns) for one in telling if one.agent != RECORDER
+    }
     found = [_jump(agent, agent_jumps, path, run_id) for agent, agent_jumps in jumps.items() if agent_jumps]
-    steady = [one for one in series if not jumps.get(one.agent)]
-    unsteady = [one for one in agents if jumps[one.agent]]
-    return [*found, *_offsets(steady, unsteady, threshold, path, run_id)]
+    steady = [one for one in telling if not jumps.get(one.agent)]
+    unsteady = [one for one in telling if jumps.get(one.agent)]
+    late = [one for one in agents if not one.tells]
+    return [
+        *found,
+        *_offsets(steady, unsteady, threshold, path, run_id),
+        *(finding for one in late for finding in _written_late(one, telling, expected_ns, path, run_id)),
+    ]
 
 
 def _written_afterwards(run_events: pl.DataFrame, path: str, run_id: str) -> Diagnostic:
@@ -92,6 +103,20 @@ def _written_afterwards(run_events: pl.DataFrame, path: str, run_id: str) -> Dia
     spans = f"events span {times / NS_PER_S:.1f} s, their log times {written / NS_PER_S:.1f} s"
     text = f"{spans}: they were written afterwards, or at another pace, so that clocks of agents cannot be compared"
     return Diagnostic("log_times_untimely", text, path, run_id)
+
+
+def _written_late(
+    one: Series, telling: Sequence[Series], expected_ns: float, path: str, run_id: str
+) -> Iterator[Diagnostic]:
+    """Yield what is known of the clock of an agent whose events waited: that it is ahead, or nothing."""
+    off_ns = one.least_ahead_ns - expected_ns
+    if one.waits and telling and off_ns > max(tolerance_ns(fellow) for fellow in telling):
+        yield _offset(one, off_ns, [fellow.agent for fellow in telling], path, run_id)
+    elif abs(off_ns) > LEAST_NS:
+        n_events, written = len(one.seq), (one.written_ns[-1] - one.written_ns[0]) / NS_PER_S
+        spans = f"{counted(n_events, 'event')} of {one.agent!r} span {one.span_ns / NS_PER_S:.1f} s"
+        text = f"{spans}, their log times {written:.1f} s, several written at once: its clock cannot be compared"
+        yield Diagnostic("log_times_untimely", text, path, run_id)
 
 
 def _offsets(
@@ -114,14 +139,17 @@ def _offsets(
     off = [one for one in agents if _is_off(one, fellows, common_ns)]
     off += [one for one in unsteady if _is_off_throughout(one, common_ns, threshold)]
     for one in sorted(off, key=lambda series: series.agent):
-        others = sorted((fellow.agent for fellow in fellows if fellow is not one), key=lambda name: (not name, name))
+        others = [fellow.agent for fellow in fellows if fellow is not one]
         yield _offset(one, one.level_ns - common_ns, others, path, run_id)
     if agents and abs(common_ns) > max(_SHIFTED_NS, *(tolerance_ns(fellow) for fellow in fellows)):
         yield _shifted(common_ns, path, run_id)
 
 
 def _is_off(one: Series, fellows: Sequence[Series], common_ns: float) -> bool:
-    return abs(one.level_ns - common_ns) > min(tolerance_ns(one, fellow) for fellow in fellows)
+    allowed_ns = min(tolerance_ns(one, fellow) for fellow in fellows)
+    if len(one.ahead_ns) <= FEW:
+        allowed_ns = max(allowed_ns, FEW_NS)
+    return abs(one.level_ns - common_ns) > allowed_ns
 
 
 def _is_off_throughout(one: Series, common_ns: float, threshold: float) -> bool:
@@ -137,12 +165,15 @@ def _share_level(agents: Sequence[Series]) -> bool:
 
 def _offset(one: Series, off_ns: float, fellows: Sequence[str], path: str, run_id: str) -> Diagnostic:
     offset_ns = round(off_ns / _MS) * _MS
-    others = ", ".join(repr(agent) if agent else "the recorder" for agent in fellows) or "the log"
+    ordered = sorted(fellows, key=lambda name: (not name, name))
+    others = ", ".join(repr(agent) if agent else "the recorder" for agent in ordered) or "the log"
     option = shlex.quote(f"{one.agent}={offset_text(offset_ns)}")
     direction = "ahead of" if offset_ns > 0 else "behind"
+    at_least = "at least " if one.waits else ""
+    corrects = "takes that off: events waited until they were written" if one.waits else "corrects it"
     text = (
-        f"the clock of {one.agent!r} is off by {seconds_text(offset_ns)} s, {direction} {others} (event times against "
-        f"log times); --clock {option} corrects it"
+        f"the clock of {one.agent!r} is off by {at_least}{seconds_text(offset_ns)} s, {direction} {others} (event "
+        f"times against log times); --clock {option} {corrects}"
     )
     return Diagnostic("clock_offset", text, path, run_id)
 

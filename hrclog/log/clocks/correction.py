@@ -125,7 +125,9 @@ def _latest_offsets(syncs: pl.DataFrame, seq: IntArray) -> IntArray:
 
 def _explains(told: Series, moved: Series, others: list[Series]) -> bool:
     """Return whether times are off compared with the others', and no more once their offsets are taken off."""
-    expected_ns = reference(others)
+    expected_ns = reference([one for one in others if one.tells])
     allowed_ns = max(LEAST_NS, tolerance_ns(moved))
+    if told.waits:  # what is ahead of its log time cannot have happened, and of the rest nothing is known
+        return told.least_ahead_ns - expected_ns > allowed_ns >= moved.least_ahead_ns - expected_ns
     is_off = max(abs(told.level_ns - expected_ns), told.spread_ns) > allowed_ns
     return is_off and abs(moved.level_ns - expected_ns) <= allowed_ns

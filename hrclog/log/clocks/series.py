@@ -1,7 +1,8 @@
 """What the events of a run say of the clocks of its agents: by how much event times are ahead of log times.
 
 An event is written after it happened, by a delay that varies. So an event that is far behind its neighbours was written
-late, and of events that were written together the one with the least delay says most.
+late, and of events that were written together the one with the least delay says most. Where an agent's events wait and
+are then written several at once, the delay of that one is not known either: its clock is ahead by at least so much.
 """
 
 from __future__ import annotations
@@ -23,7 +24,14 @@ RECORDER: Final = ""
 LEAST_NS: Final = NS_PER_S
 """Smaller differences of clocks cannot be told from delays."""
 
+FEW: Final = 4
+"""So many batches do not tell how much delays vary; then differences below `FEW_NS` may be delays."""
+
+FEW_NS: Final = 3 * NS_PER_S
+
 _TOGETHER_NS: Final = 50 * 10**6
+_SYNCED_NS: Final = NS_PER_S // 2  # between two events that waited
+_SYNCED_PART: Final = 0.2  # of an agent's events that lie apart
 _SIGMAS: Final = 4.0
 _SIGMA_OF_MAD: Final = 1.4826
 _NOT_ON_AGENTS_CLOCK: Final = ("clock_synced",)
@@ -35,7 +43,7 @@ class Series:
 
     `written_ns`, `time_ns` and `ahead_ns` are of batches of events that were written together: log time and event time
     of the one with the least delay, and their difference. `first` and `last` are the indices of a batch's events in
-    `seq` and `execution_ids`.
+    `seq` and `execution_ids`. `span_ns` is from the first to the last event time.
     """
 
     agent: str
@@ -46,6 +54,9 @@ class Series:
     last: IntArray
     seq: IntArray
     execution_ids: list[str] = field(repr=False)
+    span_ns: int
+    waits: bool
+    """Whether events wait and are then written several at once: at the end, or whenever there is a connection."""
 
     @property
     def level_ns(self) -> float:
@@ -56,6 +67,16 @@ class Series:
     def spread_ns(self) -> float:
         """Return how much single batches deviate from that, as a standard deviation."""
         return float(_SIGMA_OF_MAD * np.median(np.abs(self.ahead_ns - self.level_ns)))
+
+    @property
+    def least_ahead_ns(self) -> float:
+        """Return by how much the clock is ahead at least, by the batch with the least delay but for one."""
+        return float(np.sort(self.ahead_ns)[-2 if len(self.ahead_ns) > 2 else -1])
+
+    @property
+    def tells(self) -> bool:
+        """Return whether event times can be compared with log times: they cannot if events waited, or do not move."""
+        return not self.waits and (self.span_ns > 0 or len(self.written_ns) == 1)
 
 
 def timed(events: pl.DataFrame) -> pl.DataFrame:
@@ -92,7 +113,18 @@ def _series(agent: str, part: pl.DataFrame) -> Series:
         last,
         part["seq"].to_numpy(),
         part["execution_id"].to_list(),
+        int(np.ptp(time)),
+        _waits(time, written),
     )
+
+
+def _waits(time: IntArray, written: IntArray) -> bool:
+    """Return whether events that lie apart were often written at once."""
+    happened, passed = np.abs(np.diff(time)), np.abs(np.diff(written))
+    at_once = (happened >= LEAST_NS) & (passed <= np.minimum(happened // 4, _SYNCED_NS))
+    n_at_once, n_apart = np.count_nonzero(at_once), np.count_nonzero(np.maximum(happened, passed) >= LEAST_NS)
+    # a single one may be a clock that was put forward
+    return bool((n_at_once > 1 and n_at_once >= _SYNCED_PART * n_apart) or n_at_once == n_apart == 1)
 
 
 def tolerance_ns(*series: Series) -> float:

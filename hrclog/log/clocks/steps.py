@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from hrclog.arrays import BoolArray, IntArray
-from hrclog.log.clocks.series import LEAST_NS, Series
+from hrclog.log.clocks.series import FEW, FEW_NS, LEAST_NS, Series
 from hrclog.units import NS_PER_S
 
 _WINDOW: Final = 3  # batches
@@ -36,6 +36,16 @@ def threshold_ns(series: Sequence[Series]) -> float:
     """Return from which size on a change is no delay, by the typical change from batch to batch."""
     changes = np.abs(np.concatenate([np.empty(0, np.int64), *(np.diff(one.ahead_ns) for one in series)]))
     return max(LEAST_NS, _NOISES * float(np.quantile(changes, 0.6, method="lower"))) if len(changes) else LEAST_NS
+
+
+def own_threshold_ns(series: Series, threshold: float) -> float:
+    """Return the same for one clock, as its agent's delays may vary more than those of others.
+
+    Args:
+        series: of the agent.
+        threshold: of the run.
+    """
+    return max(threshold, threshold_ns([series]) if len(series.ahead_ns) > FEW else FEW_NS)
 
 
 def steps(series: Series, threshold: float, reference_ns: float) -> list[Step]:

@@ -161,6 +161,7 @@ def _unpack_file(path: Path, data: bytes, kind: Format) -> Loaded:
         return Loaded(kind, content.data, [])
     if not content.data:
         raise LogReadError(path, f"{kind.value} that cannot be unpacked ({content.trouble})", "a whole file")
-    left = counted(len(data) - content.n_read, "byte")
-    text = f"the compressed file is damaged ({content.trouble}); its last {left} could not be unpacked"
+    n_left = len(data) - content.n_read
+    left = f"; its last {counted(n_left, 'byte')} could not be unpacked" if n_left else ""
+    text = f"the compressed file is damaged ({content.trouble}){left}"
     return Loaded(kind, content.data, [Problem("truncated", content.n_read, text)])

@@ -61,14 +61,12 @@ def _join(batches: list[Batch]) -> Batch:
     return Batch(data, *(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
 
 
-def batch_of(
-    channel_ids: Sequence[int], sequences: Sequence[int], times_ns: Sequence[int], messages: Sequence[bytes]
-) -> Batch:
-    """Return messages that were read one by one as a batch; they were published when they were logged."""
-    channel, sequence, times = (np.array(numbers, np.int64) for numbers in (channel_ids, sequences, times_ns))
+def batch_of(channel_ids: Sequence[int], times_ns: Sequence[int], messages: Sequence[bytes]) -> Batch:
+    """Return messages that were read one by one as a batch; they were published when logged, and carry no numbers."""
+    channel, times = (np.array(numbers, np.int64) for numbers in (channel_ids, times_ns))
     sizes = np.array([len(data) for data in messages], np.int64)
     ends = np.cumsum(sizes)
-    return Batch(b"".join(messages), channel, sequence, times, times, ends - sizes, ends)
+    return Batch(b"".join(messages), channel, np.zeros_like(channel), times, times, ends - sizes, ends)
 
 
 class ForeignRecordError(ValueError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ import numpy as np
 import polars as pl
 from mcap.records import Channel, Schema
 
-from hrclog.arrays import BoolArray
+from hrclog.arrays import BoolArray, IntArray
 from hrclog.errors import InvalidEventError
 from hrclog.events import COLUMNS
 from hrclog.log.mcap.contents import Batch, Contents, joined
@@ -32,15 +33,21 @@ _NO_EVENTS: Final = EVENT_COLUMNS.to_frame()
 _SIGNAL_TYPES: Final = (channels.FLOAT_TYPE, channels.JOINTS_TYPE)
 _SCENE_TYPES: Final = (channels.STRING_TYPE, channels.POSE_TYPE)
 
+_KIND: Final = re.compile(rb"\bkind\b")
+
 _Decode = Callable[[bytes], Any]
-_DecodeBatch = Callable[[Batch], pl.DataFrame]
+_DecodeBatch = Callable[[Batch], tuple[pl.DataFrame, IntArray]]
+"""Returns the events, and which of the messages they are."""
 _Fail = Callable[..., None]
 """Takes a reason, the log time of the first message, and how many there are."""
 
 
 @dataclass(slots=True)
 class Decoded:
-    """Frames of one file, in pieces; without events also its (topic, type)s and how many messages there are of each."""
+    """Frames of one file, in pieces; without events also its (topic, type)s and how many messages there are of each.
+
+    Events are in the order of writing; `seq` is null where the writer gave none.
+    """
 
     events: list[pl.DataFrame] = field(default_factory=list)
     signals: list[pl.DataFrame] = field(default_factory=list)
@@ -53,10 +60,22 @@ def is_event_channel(channel: Channel, schema: Schema | None) -> bool:
 
     JSON texts have no type of ours to tell them by: in a namespace, the end of the topic does.
     """
-    if channel.topic == channels.EVENTS_TOPIC or _type_of(schema) == message.TYPE_NAME:
+    if _type_of(schema) == message.TYPE_NAME:
         return True
+    if channel.topic == channels.EVENTS_TOPIC:
+        return channel.message_encoding == "json" or not _is_foreign(schema)
     is_json = channel.message_encoding == "json" or _type_of(schema) in ("", channels.STRING_TYPE)
     return is_json and channel.topic.endswith(channels.EVENTS_TOPIC)
+
+
+def foreign_types(contents: Contents) -> list[tuple[str, str]]:
+    """Return topic and type of the channels on topics of events that carry something else."""
+    return [
+        (channel.topic, _type_of(schema))
+        for channel in contents.channels.values()
+        if channel.topic.endswith(channels.EVENTS_TOPIC)
+        and not is_event_channel(channel, schema := contents.schemas.get(channel.schema_id))
+    ]
 
 
 def is_wanted(channel: Channel, schema: Schema | None) -> bool:
@@ -71,16 +90,20 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
     decoders = _event_decoders(contents, failures, complain)
     undeclared: dict[int, tuple[int, int]] = {}
     for batch in joined(contents.batches):
+        pieces: list[tuple[pl.DataFrame, IntArray]] = []
         for channel_id in np.unique(batch.channel).tolist():
-            part = _select(batch, batch.channel == channel_id)
+            is_of_channel = batch.channel == channel_id
+            part = _select(batch, is_of_channel)
             channel = contents.channels.get(channel_id)
             if channel is None:
                 count, log_time = undeclared.get(channel_id, (0, int(part.log_time[0])))
                 undeclared[channel_id] = count + len(part.start), log_time
             elif channel_id in decoders:
-                decoded.events.append(decoders[channel_id](without_compression(part)))
+                events, rows = decoders[channel_id](without_compression(part))
+                pieces.append((events, np.flatnonzero(is_of_channel)[rows]))
             elif signals:
                 _decode_signals(part, channel, contents.schemas.get(channel.schema_id), decoded, complain)
+        decoded.events += _as_written(pieces)
     for channel_id, (count, log_time) in undeclared.items():
         text = f"{counted(count, 'message is', 'messages are')} on channel {channel_id}"
         complain("corrupt_data", f"{text}, which is not declared; the first has log time {log_time} ns", None)
@@ -88,6 +111,14 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
     if not any(frame.height for frame in decoded.events):
         decoded.topics = contents.topics()
     return decoded
+
+
+def _as_written(pieces: list[tuple[pl.DataFrame, IntArray]]) -> list[pl.DataFrame]:
+    """Return the events of a batch, channel by channel with their places in it, in the order of writing."""
+    if len(pieces) < 2 and all((np.diff(rows) > 0).all() for _, rows in pieces):
+        return [events for events, _ in pieces]
+    order = np.argsort(np.concatenate([rows for _, rows in pieces]))
+    return [pl.concat([events for events, _ in pieces])[order]]
 
 
 def _decode_signals(part: Batch, channel: Channel, schema: Schema | None, decoded: Decoded, complain: Complain) -> None:
@@ -99,6 +130,14 @@ def _decode_signals(part: Batch, channel: Channel, schema: Schema | None, decode
 
 def _type_of(schema: Schema | None) -> str:
     return "" if schema is None else type_name(schema.name)
+
+
+def _is_foreign(schema: Schema | None) -> bool:
+    """Return whether a type can be none of ours: by its name, and as a definition may have moved to another package."""
+    name = _type_of(schema)
+    if schema is None or name in ("", channels.STRING_TYPE) or name.endswith("/TaskEvent"):
+        return False
+    return not _KIND.search(schema.data)
 
 
 def _is_signal(channel: Channel, schema: Schema | None) -> bool:
@@ -165,39 +204,39 @@ def _text_object(text: bytes, size: int) -> dict[str, Any]:
     return parse_object(text[:size].removesuffix(b"\0"))
 
 
-def _undecodable_events(part: Batch, reason: str, fail: _Fail) -> pl.DataFrame:
+def _undecodable_events(part: Batch, reason: str, fail: _Fail) -> tuple[pl.DataFrame, IntArray]:
     fail(reason, int(part.log_time[0]), len(part.start))
-    return frame_of_rows([])
+    return frame_of_rows([]), np.empty(0, np.int64)
 
 
-def _fast_events(part: Batch, fail: _Fail) -> pl.DataFrame:
+def _fast_events(part: Batch, fail: _Fail) -> tuple[pl.DataFrame, IntArray]:
     frame, valid = message.decode_columns(part.data, part.start, part.end)
-    stamps = {"log_time_ns": part.log_time, "publish_time": part.publish_time, "sequence": part.sequence}
+    stamps = {"log_time_ns": part.log_time, "publish_time": part.publish_time}
     frame = frame.with_columns(pl.Series(name, times[valid], pl.Int64) for name, times in stamps.items())
-    frame = frame.with_columns(
-        pl.col("time_ns").fill_null(pl.col("publish_time")), pl.col("seq").fill_null(pl.col("sequence"))
-    )
-    frame = frame.select(EVENT_COLUMNS.names())
-    if valid.all():
-        return frame
+    frame = frame.with_columns(pl.col("time_ns").fill_null(pl.col("publish_time"))).select(EVENT_COLUMNS.names())
+    rows = np.flatnonzero(valid)
+    if len(rows) == len(valid):
+        return frame, rows
     # another byte order or damage: the general decoder handles both
-    return pl.concat([frame, _general_events(_select(part, ~valid), OURS.decoder(), fail)])
+    others, other_rows = _general_events(_select(part, ~valid), OURS.decoder(), fail)
+    return pl.concat([frame, others]), np.concatenate([rows, np.flatnonzero(~valid)[other_rows]])
 
 
-def _general_events(part: Batch, decode: _Decode, fail: _Fail) -> pl.DataFrame:
+def _general_events(part: Batch, decode: _Decode, fail: _Fail) -> tuple[pl.DataFrame, IntArray]:
     """Decode message by message."""
     rows: list[dict[str, Any]] = []
-    arrays = (part.start, part.end, part.log_time, part.publish_time, part.sequence)
-    for start, end, log_time, publish_time, sequence in zip(*(array.tolist() for array in arrays), strict=True):
+    kept: list[int] = []
+    arrays = (part.start, part.end, part.log_time, part.publish_time)
+    for at, (start, end, log_time, publish_time) in enumerate(zip(*(array.tolist() for array in arrays), strict=True)):
         try:
             row = _row(decode(part.data[start:end]))
         except Exception as error:  # noqa: BLE001 - a decoder of foreign bytes fails in ways of its own
             fail(str(error) if isinstance(error, InvalidEventError) else f"{type(error).__name__}: {error}", log_time)
             continue
         row["time_ns"] = publish_time if row["time_ns"] is None else row["time_ns"]
-        row["seq"] = sequence if row["seq"] is None else row["seq"]
         rows.append(row | {"log_time_ns": log_time})
-    return frame_of_rows(rows)
+        kept.append(at)
+    return frame_of_rows(rows), np.array(kept, np.int64)
 
 
 def frame_of_rows(rows: list[dict[str, Any]]) -> pl.DataFrame:

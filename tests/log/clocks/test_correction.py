@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,62 @@ def test_log_times_that_are_all_the_same_tell_nothing_of_clocks(log: Any, tmp_pa
 def test_a_bag_played_at_double_speed_tells_nothing_of_clocks(tmp_path: Path) -> None:
     logs = logs_of(tmp_path, log=lambda instant: BEGIN + (instant - BEGIN) // 2)
     assert codes(logs) == ["log_times_untimely"]
+
+
+def synced(every: float | None, clock: Any = right, gap: float = 1e-4, **arguments: Any) -> list[Written]:  # noqa: ANN401
+    """Return a run of which the human's events wait, and are written together at the end or at every sync."""
+    events = run(clock, **arguments)
+    end = max(entry.log_time for entry in events) + 3 * SECOND
+    waiting: dict[int, int] = {}
+    late: list[Written] = []
+    for entry in events:
+        log_time = entry.log_time
+        if getattr(entry.event, "agent", "") == HUMAN:
+            sync = end if every is None else (log_time // round(every * SECOND) + 1) * round(every * SECOND)
+            waiting[sync] = waiting.get(sync, 0) + 1
+            log_time = sync + round(waiting[sync] * gap * SECOND)
+        late.append(Written(entry.event, log_time))
+    return [
+        Written(replace(entry.event, seq=seq), entry.log_time)
+        for seq, entry in enumerate(sorted(late, key=lambda entry: entry.log_time))
+    ]
+
+
+@pytest.mark.parametrize("clock", [right, ahead(-30)], ids=["right", "behind"])
+@pytest.mark.parametrize(("every", "gap"), [(None, 1e-4), (None, 0.3), (30, 1e-4), (30, 0.1), (20, 0.01)])
+def test_events_that_waited_are_no_fault_of_a_clock(every: Any, gap: float, clock: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    analysis = hrclog.analyze(write(tmp_path / "a.mcap", synced(every, clock, gap, tasks=8)))
+    found = {finding.code: finding for finding in analysis.diagnostics if finding.code in RELIABLE}
+    assert found.keys() <= {"log_times_untimely"}
+    assert all("'human'" in finding.message and "--clock" not in finding.message for finding in found.values())
+
+
+@pytest.mark.parametrize("every", [None, 30, 20])
+def test_a_clock_that_is_ahead_is_found_though_events_waited(every: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    logs = read_logs(write(tmp_path / "a.mcap", synced(every, ahead(3600), tasks=8)))
+    assert codes(logs) == ["clock_offset"]
+    message = told(logs)[0].message
+    assert "the clock of 'human' is off by at least +" in message
+    least = parse_offset(message.split("--clock human=")[1].split()[0])
+    assert 3580 * SECOND < least <= 3600 * SECOND
+
+
+def test_a_clock_that_steps_beside_one_whose_events_wait_is_found(tmp_path: Path) -> None:
+    events = synced(30, robot=jumps(-60, BEGIN + 40 * SECOND), tasks=8)
+    assert "clock_jump" in codes(read_logs(write(tmp_path / "a.mcap", events)))
+
+
+def test_times_that_do_not_move_give_no_offset(tmp_path: Path) -> None:
+    for number, instant in enumerate((BEGIN, BEGIN - 3600 * SECOND, 10**9)):
+        logs = logs_of(tmp_path, lambda _, instant=instant: instant, tasks=3 + number)
+        assert set(codes(logs)) <= {"log_times_untimely"}
+
+
+def test_clock_synced_corrects_a_clock_whose_events_waited(tmp_path: Path) -> None:
+    events = with_sync(synced(30, ahead(3600)), BEGIN, BEGIN + 3600 * SECOND)
+    assert "clock_corrected" in codes(read_logs(write(tmp_path / "a.mcap", events)))
+    right_already = with_sync(synced(30), BEGIN, BEGIN + 3600 * SECOND)
+    assert "clock_corrected" not in codes(read_logs(write(tmp_path / "b.mcap", right_already)))
 
 
 def test_equal_times_as_of_simulations_and_imports_are_fine(tmp_path: Path) -> None:

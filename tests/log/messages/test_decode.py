@@ -123,9 +123,23 @@ def test_an_event_without_a_time_happened_when_it_was_published(tmp_path: Path, 
     assert logs.events["log_time_ns"].to_list() == [1000, 1001]
 
 
-def test_json_without_time_and_seq_takes_those_of_the_message(tmp_path: Path) -> None:
+def test_json_without_time_takes_that_of_the_message_and_no_number(tmp_path: Path) -> None:
     logs = read_log(write(tmp_path / "a.mcap", [b'{"kind":"heartbeat"}'] * 2, encoding="json"))
-    assert logs.events.select("time_ns", "seq").rows() == [(2000, 50), (2001, 51)]
+    assert logs.events.select("time_ns", "seq").rows() == [(2000, None), (2001, None)]
+
+
+def test_events_of_several_topics_and_byte_orders_are_in_the_order_of_writing(tmp_path: Path) -> None:
+    events: list[Event] = [TaskStarted(time_ns=9, agent=str(i), task="t", execution_id="e") for i in range(12)]
+    messages = [foreign([event], DEFINITION, little_endian=i % 3 > 0)[0] for i, event in enumerate(events)]
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(TYPE_NAME, "ros2msg", DEFINITION.encode())
+        topics = [writer.register_channel(f"/{name}", "cdr", schema) for name in "ab"]
+        for i, message in enumerate(messages):
+            writer.add_message(topics[i % 5 > 2], 1000, message, 1000)
+        writer.finish()
+    assert read_log(tmp_path / "a.mcap").events["agent"].to_list() == [event.agent for event in events]  # type: ignore[attr-defined]
 
 
 def test_json_details_may_be_an_object_or_its_text(tmp_path: Path) -> None:
@@ -265,6 +279,37 @@ def test_events_may_be_json_texts_in_a_string(tmp_path: Path, topic: str, *, big
 def test_a_string_on_another_topic_is_no_event(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", [b"\0\1\0\0\2\0\0\0a\0"], "string data", name="std_msgs/msg/String", topic="/x")
     assert [found.code for found in read_log(path).diagnostics] == ["no_events"]
+
+
+@pytest.mark.parametrize("definition", ["int32 x\n", ""])
+@pytest.mark.parametrize("encoding", ["cdr", "ros1", "protobuf"])
+def test_another_type_on_our_topic_is_named_and_no_event(tmp_path: Path, definition: str, encoding: str) -> None:
+    path = write(tmp_path / "a.mcap", [bytes(8)] * 3, definition, encoding, name="cell_msgs/msg/State")
+    logs = read_log(path)
+    assert [found.code for found in logs.diagnostics] == ["foreign_type", "no_events"]
+    assert "/hrc/events carries cell_msgs/msg/State" in logs.diagnostics[0].message
+    assert "/hrc/events (cell_msgs/msg/State, 3 messages)" in logs.diagnostics[1].message
+
+
+@pytest.mark.parametrize("topic", ["/hrc/events", "/cell_2/hrc/events"])
+def test_another_type_beside_our_events_costs_a_remark(tmp_path: Path, topic: str) -> None:
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        ours = writer.register_channel("/hrc/events", "json", 0)
+        theirs = writer.register_channel(topic, "cdr", writer.register_schema("foo/msg/Bar", "ros2msg", b"int32 x"))
+        for channel, data in ((ours, b'{"kind":"heartbeat","run_id":"r"}'), (theirs, bytes(8))):
+            writer.add_message(channel, 5, data, 5)
+        writer.finish()
+    logs = read_log(tmp_path / "a.mcap")
+    assert logs.events.height == 1
+    assert [(found.code, found.severity) for found in logs.diagnostics] == [("foreign_type", "info")]
+
+
+def test_our_definition_in_another_package_is_ours(tmp_path: Path) -> None:
+    messages = [encode_row(to_row(Heartbeat(time_ns=3, run_id="r")))]
+    for name, definition in (("cell_msgs/msg/Happening", DEFINITION), ("cell_msgs/msg/TaskEvent", "")):
+        assert read_log(write(tmp_path / "a.mcap", messages, definition, name=name)).events.height == 1
 
 
 def test_a_signal_topic_of_a_foreign_type_is_no_signal(tmp_path: Path) -> None:
