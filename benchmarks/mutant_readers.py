@@ -59,7 +59,7 @@ def read_ours(path: Path) -> Reading:
 
 
 def read_our_events(path: Path) -> Reading:
-    """Read events only, as `hrclog check` does."""
+    """Read events only."""
 
     def read(reading: Reading) -> None:
         logs = read_logs(path)

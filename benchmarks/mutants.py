@@ -200,10 +200,11 @@ def _splice_tail(base: Base, chance: Random) -> bytes:
     return head + base.other[chance.choice(records(base.other))[0] :]
 
 
-def _overwrite_tail(base: Base, chance: Random) -> bytes:
+def _overwrite_tail(base: Base, chance: Random) -> bytes | None:
     """Leave the other file's bytes behind a place, as a disk does that lost its last blocks."""
     at = chance.randrange(len(base.data)) // 512 * 512
-    return base.data[:at] + base.other[at:]
+    mixed = base.data[:at] + base.other[at:]
+    return None if mixed == base.other else mixed  # files begin alike, and the other file is whole
 
 
 # messages inside a chunk, its sizes and checksum made to fit

@@ -103,8 +103,8 @@ def _judged(case: Case, data: bytes, number: int, folder: Path) -> dict[str, str
     path.write_bytes(data)
     reading, events = read_ours(path), read_our_events(path)
     results = _ours(case, data, reading, events)
-    if number % CHECK_EVERY == 0 and (code := check_ours(path)) != events.code:
-        results["disagrees"] = f"`hrclog check` exits {code}, reading {events.code}"
+    if number % CHECK_EVERY == 0 and (code := check_ours(path)) != reading.code:
+        results["disagrees"] = f"`hrclog check` exits {code}, reading {reading.code}"
     target = folder / "recovered.mcap"
     recovered = recover_ours(path, target)
     if reading.code == 3 and recovered.code == 0 and not same_facts(recovered.facts, case.facts):

@@ -33,7 +33,7 @@ ARROWS: Mapping[str, str] = {
     "log.remarks": "",
     "log.clocks": "log.remarks",
     "log.runs": "",
-    "log.losses": "log.mcap log.remarks log.writing",
+    "log.losses": "log.mcap log.messages log.remarks log.writing",
     "log.parts": "log.bags log.files log.losses log.mcap log.messages log.writing",
     "log.never_set": "log.remarks",
     "log.checks": "log.clocks log.never_set log.remarks",

@@ -158,7 +158,7 @@ def _always_zero(events: pl.DataFrame) -> pl.DataFrame:
         without_remarks(of_run)
         .group_by("run_id", maintain_order=True)
         .agg(pl.col("path").first(), pl.len(), pl.col("seq").ne_missing(0).any().alias("counts"))
-        .filter(~pl.col("counts"))
+        .filter(~pl.col("counts") & (pl.col("len") > 1))
         .drop("counts")
     )
 
