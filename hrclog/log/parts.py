@@ -79,12 +79,34 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
     Raises:
         LogReadError: it cannot be opened, or is no event log at all.
     """
+    wanted = is_wanted if signals else is_event_channel
+    contents = read_part(path, wanted, complain, numbering)
+    decoded = decode_contents(contents, complain, signals=signals)
+    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
+        _report_several_runs(decoded.events, complain)
+    return decoded
+
+
+def read_part(
+    path: Path, wanted: Wanted, complain: Complain, numbering: dict[str, int], *, mapped: bool = False
+) -> Contents:
+    """Read the wanted messages of one file, by what it is and not by its name.
+
+    Args:
+        path: the file.
+        wanted: says of a channel and its schema whether its messages are needed.
+        complain: takes what is lost or doubtful.
+        numbering: how many messages of each topic earlier parts of its bag hold.
+        mapped: whether to map the file into memory, and to believe an index that says where nothing is wanted.
+
+    Raises:
+        LogReadError: it cannot be opened, or is no log or bag at all.
+    """
     if not path.is_file():
         raise LogReadError(path, "something that is no regular file", "an event log")
-    file = load(path)
+    file = load(path, mapped=mapped)
     if file.kind is Format.RERUN or path.suffix == ".rrd":
         raise foreign_error(path, file.data[:HEAD_BYTES])
-    wanted = is_wanted if signals else is_event_channel
     if file.kind is Format.SQLITE:
         from hrclog.log.bags.sqlite import read_database
 
@@ -92,7 +114,7 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
     elif file.kind is Format.ROS1:
         from hrclog.log.bags.ros1 import read_ros1
 
-        contents = read_ros1(path, file.data, wanted)
+        contents = read_ros1(path, file.data, wanted, by_index=mapped)
     else:
         contents = _read_mcap(path, file.data, wanted)
     contents.problems[:0] = file.problems
@@ -104,10 +126,7 @@ def decode_file(path: Path, complain: Complain, numbering: dict[str, int], *, si
         complain("recovered_with_losses", text, None)
     if not contents.finished:
         _tell_of_the_end(path, contents, complain)
-    decoded = decode_contents(contents, complain, signals=signals)
-    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
-        _report_several_runs(decoded.events, complain)
-    return decoded
+    return contents
 
 
 def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:
