@@ -73,8 +73,7 @@ def decoder_by(definition: Definition, name: str, wire: str) -> Callable[[bytes]
     """
     try:
         store = _store(definition, name)
-        if name not in store.fielddefs:
-            raise ValueError(f"it defines {', '.join(sorted(_types(definition, name))[:5])}")
+        store.fielddefs[name]
     except Exception as error:
         raise ValueError(f"the definition of {name} cannot be parsed ({error})") from error
     decode = store.deserialize_ros1 if wire == ROS1 else store.deserialize_cdr

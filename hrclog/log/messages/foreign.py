@@ -17,6 +17,7 @@ from hrclog.log.messages import channels
 from hrclog.log.messages.definitions import IDL, ROS1, Definition, decoder_by, type_name
 from hrclog.log.messages.json_rows import parse_object
 from hrclog.log.messages.standard_types import OLDER_TYPES, STANDARD_TYPES
+from hrclog.wording import counted
 
 Decode = Callable[[bytes], Any]
 
@@ -26,6 +27,7 @@ _DIVIDER: Final = re.compile(r"^---[^\S\n]*$", re.MULTILINE)
 _FIXED: Final = ("action_msgs/msg/GoalStatusArray",)
 """Types that are what they are, whatever a recorder stored beside them."""
 
+_FEEDBACK_HEAD: Final = 20  # bytes of the encapsulation header and the goal's id
 _UUID: Final = "unique_identifier_msgs/UUID goal_id\n"
 _EVENT: Final = (
     "service_msgs/ServiceEventInfo info\n{package}/{action}_{service}_Request[<=1] request\n"
@@ -69,6 +71,8 @@ def decoder_of(channel: Channel, schema: Schema | None) -> Decoder:
     action = _ACTION.match(text)
     if action is not None:
         return Decoder(_by_action(text[action.end() :], name, wire))
+    if not text.strip() and name.endswith("_FeedbackMessage") and wire == channels.CDR:
+        return Decoder(_goal_of_feedback)
     if not text.strip():
         return Decoder(_standard(name, wire), name)
     language = IDL if schema is not None and schema.encoding == IDL else channels.SCHEMA_ENCODING
@@ -91,13 +95,22 @@ def _by_action(text: str, name: str, wire: str) -> Decode:
     sections = _DIVIDER.split(own)
     if not action or len(sections) != 3:
         raise ValueError(f"the definition of {name} cannot be parsed (it is no goal, result and feedback of an action)")
-    types = {f"{action}_{role}": section for role, section in zip(("Goal", "Result", "Feedback"), sections, strict=True)}
+    types = {
+        f"{action}_{role}": section for role, section in zip(("Goal", "Result", "Feedback"), sections, strict=True)
+    }
     types |= {
         f"{action}_{other}": layout.format(package=package, action=action) for other, layout in _ACTION_PARTS.items()
     }
     main = types.pop(f"{action}_{kind}")
     whole = main + "".join(f"{_SEPARATOR}MSG: {package}/{other}\n{layout}\n" for other, layout in types.items())
     return decoder_by(Definition(whole + separator + used), f"{package}/msg/{part}", wire)
+
+
+def _goal_of_feedback(raw: bytes) -> dict[str, bytes]:
+    """Return the goal of an action's feedback, all that can be told without a definition."""
+    if len(raw) < _FEEDBACK_HEAD:
+        raise ValueError(f"found {counted(len(raw), 'byte')}, expected at least the {_FEEDBACK_HEAD} of a goal's id")
+    return {"goal_id": raw[4:_FEEDBACK_HEAD]}
 
 
 def _standard(name: str, wire: str) -> Decode:
@@ -107,7 +120,9 @@ def _standard(name: str, wire: str) -> Decode:
         ValueError: there is none.
     """
     if name in OLDER_TYPES:
-        return _newest_that_fits([decoder_by(Definition(texts[name]), name, wire) for texts in (STANDARD_TYPES, OLDER_TYPES)])
+        return _newest_that_fits(
+            [decoder_by(Definition(texts[name]), name, wire) for texts in (STANDARD_TYPES, OLDER_TYPES)]
+        )
     if name in STANDARD_TYPES:
         return decoder_by(Definition(STANDARD_TYPES[name]), name, wire)
     from rosbags.typesys import Stores, get_typestore

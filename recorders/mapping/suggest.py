@@ -1,0 +1,109 @@
+"""Write a first mapping for the topics of a recording: what can be told from names and types, to be corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from hrclog.recorders.mapping import ros2_goals
+from hrclog.recorders.mapping.actions import ROS1_TYPES
+from hrclog.recorders.mapping.behavior_tree import BehaviorTree
+from hrclog.recorders.mapping.meaning import Meaning
+from hrclog.recorders.mapping.plansys2 import PlanSys2
+from hrclog.recorders.mapping.safety import KNOWN_MODES, Safety
+from hrclog.recorders.mapping.signals import Joints, Signal
+from hrclog.wording import counted
+
+_BY_TYPE: Final[dict[str, type[Meaning]]] = {
+    "plansys2_msgs/msg/ActionExecutionInfo": PlanSys2,
+    "nav2_msgs/msg/BehaviorTreeLog": BehaviorTree,
+    "sensor_msgs/msg/JointState": Joints,
+    "std_msgs/msg/Float64": Signal,
+    "std_msgs/msg/Float32": Signal,
+    **dict.fromkeys(KNOWN_MODES, Safety),
+}
+_MODE_FIELDS: Final = {"franka_msgs/msg/FrankaRobotState": "robot_mode"}
+_SPEED_TOPICS: Final = {"speed_scaling": "percent", "speed_scaling_factor": "fraction"}
+_HEAD: Final = "# A first mapping: check agents and tasks. docs/bags.md describes every key."
+_NO_TASK: Final = (
+    "# No topic of a known kind. Name the fields of a message that tells the state of a task:\n"
+    '# [[task]]\n# topic = "/task_state"\n# agent = "robot"\n# task = { field = "task" }\n'
+    '# state = { field = "state" }\n'
+    '# started = ["RUNNING"]\n# succeeded = ["DONE"]\n# failed = ["ERROR"]'
+)
+
+
+def suggestion(topics: Mapping[tuple[str, str], int]) -> str:
+    """Return a first mapping as TOML; comments list the topics.
+
+    Args:
+        topics: how many messages there are of each (topic, type).
+    """
+    lines = [_HEAD, "#", f"# {counted(len(topics), 'topic')}:"]
+    for (topic, kind), count in sorted(topics.items()):
+        lines.append(f"#   {_quoted(topic)[1:-1]}  {_quoted(kind)[1:-1] or 'no type'}  {counted(count, 'message')}")
+    tables = [*_actions(topics), *(table for key in sorted(topics) for table in _table(*key))]
+    if not any(table.startswith(("[[action]]", "[[plansys2]]", "[[behavior_tree]]")) for table in tables):
+        tables.append(_NO_TASK)
+    return "\n".join([*lines, *(f"\n{table}" for table in tables)])
+
+
+def _actions(topics: Mapping[tuple[str, str], int]) -> Iterator[str]:
+    goals: dict[str, bool] = {}
+    for topic, kind in sorted(topics):
+        for suffix, part in ros2_goals.SUFFIXES.items():
+            if topic.endswith(suffix):
+                name = topic.removesuffix(suffix)
+                goals[name] = goals.get(name, False) or part == "send_goal"
+        for part, ending in ROS1_TYPES.items():
+            if topic.endswith(f"/{part}") and kind.endswith(ending):
+                name = topic.removesuffix(f"/{part}")
+                goals[name] = goals.get(name, False) or part == "goal"
+    for name, has_goals in goals.items():
+        agent, task = _agent_and_task(name)
+        yield f"[[action]]\ntopic = {_quoted(name)}\nagent = {_quoted(agent)}\ntask = {_quoted(task)}" + (
+            '\n# task = { field = "goal.task" }  # if a field of the goal names the task' if has_goals else ""
+        )
+
+
+def _table(topic: str, kind: str) -> Iterator[str]:
+    """Yield the table of a topic that is told by its type."""
+    meaning = _BY_TYPE.get(kind)
+    last = topic.rsplit("/", 1)[-1]
+    head = "" if meaning is None else f"[[{meaning.kind}]]\ntopic = {_quoted(topic)}\n"
+    agent = _quoted(_agent_and_task(topic)[0])
+    if meaning is Signal and last in _SPEED_TOPICS:
+        unit = _SPEED_TOPICS[last]
+        yield f'[[{Safety.kind}]]\ntopic = {_quoted(topic)}\nagent = "robot"\nspeed = "data"\nunit = "{unit}"'
+    elif meaning is Safety:
+        yield f'{head}agent = "robot"\nmode = "{_MODE_FIELDS.get(kind, "mode")}"'
+    elif meaning is Signal:
+        yield f'{head}name = {_quoted(last)}\nfield = "data"'
+    elif meaning is PlanSys2:
+        yield f'{head}agent = {{ field = "arguments[0]" }}\ntask = {{ field = "action" }}'
+    elif meaning is BehaviorTree:
+        yield f'{head}agent = "robot"\nnodes = ["*"]  # the nodes that are tasks'
+    elif meaning is not None:
+        yield f"{head}agent = {agent if topic.count('/') > 1 else _quoted('robot')}"
+
+
+def _agent_and_task(name: str) -> tuple[str, str]:
+    parts = [part for part in name.split("/") if part]
+    return (parts[0] if len(parts) > 1 else "robot"), (parts[-1] if parts else "task")
+
+
+def _quoted(text: str) -> str:
+    """Return a text as TOML writes it, with nothing that a terminal or a comment would take amiss."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{"".join(_escaped(character) for character in escaped)}"'
+
+
+def _escaped(character: str) -> str:
+    code = ord(character)
+    return (
+        character
+        if character.isprintable() or character == " "
+        else f"\\U{code:08x}"
+        if code > 0xFFFF
+        else f"\\u{code:04x}"
+    )
