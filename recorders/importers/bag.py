@@ -158,8 +158,7 @@ class _Reader:
     def check(self) -> None:
         """Raise where nothing could be read, or a part of the mapping fits no recording; tell what was assumed."""
         if not self._n_read:
-            error = self._failures[0]
-            raise ImportDataError(error.path, error.reason, "a ROS bag")
+            raise self._failures[0]
         problems = [
             f"{where}: found no topic {text!r} in {counted(self._n_read, 'bag')}, expected one of those there"
             for where, (text, is_optional) in self._unmatched.items()

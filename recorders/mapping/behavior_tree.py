@@ -9,7 +9,7 @@ from typing import Final
 from hrclog.events import Outcome
 from hrclog.recorders.mapping.executions import Executions
 from hrclog.recorders.mapping.facts import Clock, Fact, Instant, Notes
-from hrclog.recorders.mapping.fields import FieldPath, has_field, stamp_ns, word
+from hrclog.recorders.mapping.fields import FieldPath, field_of, has_field, stamp_ns, word
 from hrclog.recorders.mapping.meaning import Meaning
 from hrclog.recorders.mapping.received import Received
 from hrclog.recorders.mapping.table import Table
@@ -36,19 +36,19 @@ class BehaviorTree(Meaning):
     def take(self, received: Received, notes: Notes) -> Iterator[Fact]:
         """Return what a message says; the times of the changes count, not that of the message."""
         captures = self._captures(received)
-        for change in FieldPath("event_log").of(received.content):
-            name = word(FieldPath("node_name").of(change))
+        for change in field_of(received.content, "event_log"):
+            name = word(field_of(change, "node_name"))
             if not any(fnmatchcase(name, pattern) for pattern in self._nodes):
                 continue
-            stamp = stamp_ns(FieldPath("timestamp").of(change)) or 0
+            stamp = stamp_ns(field_of(change, "timestamp")) or 0
             at = Instant(stamp, Clock.STAMP) if stamp else Instant(received.time_ns)
             if stamp:
                 notes.stamp(received.time_ns, stamp, sure=True)
-            uid = word(FieldPath("uid").of(change)) if has_field(change, "uid") else ""
-            key, state = (name, uid), word(FieldPath("current_status").of(change))
+            uid = word(field_of(change, "uid")) if has_field(change, "uid") else ""
+            key, state = (name, uid), word(field_of(change, "current_status"))
             if state == "RUNNING":
                 # idle transitions may be hidden: then a halt shows only when the node runs again
-                before = word(FieldPath("previous_status").of(change))
+                before = word(field_of(change, "previous_status"))
                 if before != "RUNNING":
                     yield from self._executions.end(key, at, "")
                 agent, task = self._agent.of(change, captures), self._task.of(change, captures)

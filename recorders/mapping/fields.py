@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -58,12 +59,22 @@ class FieldPath:
         return content.item() if isinstance(content, np.generic) else content
 
 
+def field_of(content: Any, path: str) -> Any:  # noqa: ANN401 - a message's field may hold anything
+    """Return a field of a message whose type is known to have it; see `FieldPath.of`."""
+    return _path(path).of(content)
+
+
+@lru_cache(maxsize=256)
+def _path(text: str) -> FieldPath:
+    return FieldPath(text)
+
+
 def field_names(content: Any) -> list[str]:  # noqa: ANN401 - any decoded message
     """Return the names of a message's fields, [] where it is a plain value or a list."""
     if isinstance(content, Mapping):
         return [str(name) for name in content]
     if dataclasses.is_dataclass(content):
-        return [field.name for field in dataclasses.fields(content)]
+        return [field.name for field in dataclasses.fields(content) if field.default is dataclasses.MISSING]
     return []
 
 
@@ -134,10 +145,11 @@ def _member(content: Any, name: str, path: str) -> Any:  # noqa: ANN401 - a mess
         if name in content:
             return content[name]
         raise AbsentFieldError(f"no {path}; it has {_listed(field_names(content))}")
-    names = field_names(content)
-    if name not in names:
+    if name not in getattr(type(content), "__dataclass_fields__", ()):
+        names = field_names(content)
         what = f"it has {_listed(names)}" if names else f"{_before(path, name)} is no message, but {_kind(content)}"
-        raise UnknownFieldError(f"found no field {name!r} of {path!r}; {what}")
+        place = "" if path == name else f" of {path!r}"
+        raise UnknownFieldError(f"found no field {name!r}{place}; {what}")
     return getattr(content, name)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 from hrclog.events import Outcome
 from hrclog.recorders.mapping.executions import Executions
 from hrclog.recorders.mapping.facts import Clock, Fact, Instant, Notes
-from hrclog.recorders.mapping.fields import AbsentFieldError, FieldPath, has_field, stamp_ns, word
+from hrclog.recorders.mapping.fields import AbsentFieldError, FieldPath, field_of, has_field, stamp_ns, word
 from hrclog.recorders.mapping.meaning import Meaning
 from hrclog.recorders.mapping.received import Received
 from hrclog.recorders.mapping.table import Table
@@ -47,11 +47,11 @@ class PlanSys2(Meaning):
         if outer is None:
             yield from self._take_action(content, received, notes)
             return
-        for action in FieldPath(f"{outer}.action_execution_status").of(content):
+        for action in field_of(content, f"{outer}.action_execution_status"):
             yield from self._take_action(action, received, notes)
 
     def _take_action(self, action: Any, received: Received, notes: Notes) -> Iterator[Fact]:  # noqa: ANN401 - a decoded message
-        name, status = word(FieldPath("action_full_name").of(action)), int(FieldPath("status").of(action))
+        name, status = word(field_of(action, "action_full_name")), int(field_of(action, "status"))
         start, changed = _stamp(action, "start_stamp"), _stamp(action, "status_stamp")
         if status == _NOT_EXECUTED:
             self._plan_start[name] = start
@@ -69,13 +69,13 @@ class PlanSys2(Meaning):
         planned_start = (
             self._plan_start[name] + int(planned[1]) * _NS_PER_MS if planned and name in self._plan_start else None
         )
-        duration = stamp_ns(FieldPath("duration").of(action)) or 0
+        duration = stamp_ns(field_of(action, "duration")) or 0
         planned_end = planned_start + duration if planned_start is not None and duration else None
         plan = {"planned_start_ns": planned_start, "planned_end_ns": planned_end}
         yield from self._executions.start(key, agent, task, Instant(start, Clock.STAMP), **plan)
         if status in _OUTCOMES:
             self._ended.add(key)
-            reason = "" if status == 4 else word(FieldPath("message_status").of(action))
+            reason = "" if status == 4 else word(field_of(action, "message_status"))
             facts = {"reason": reason, "planned_duration_s": duration / NS_PER_S if duration else None}
             yield from self._executions.end(key, Instant(changed, Clock.STAMP), _OUTCOMES[status], **facts)
 

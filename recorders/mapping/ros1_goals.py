@@ -8,7 +8,7 @@ from typing import Final
 from hrclog.ids import derived_id
 from hrclog.recorders.mapping.executions import SOURCE
 from hrclog.recorders.mapping.facts import Captures, Clock, Fact, Instant, Notes
-from hrclog.recorders.mapping.fields import FieldPath, stamp_ns, word
+from hrclog.recorders.mapping.fields import field_of, stamp_ns, word
 from hrclog.recorders.mapping.goals import OUTCOMES_ROS1, End, Goal, goals_of, rejection
 from hrclog.recorders.mapping.received import Received
 from hrclog.recorders.mapping.values import Value, header_instant
@@ -34,7 +34,7 @@ class Ros1Goals:
         """Return what a message says; `part` is one of `SUFFIXES`."""
         at = header_instant(received)
         if part == "goal":
-            goal = self._goal(word(FieldPath("goal_id.id").of(received.content)))
+            goal = self._goal(word(field_of(received.content, "goal_id.id")))
             goal.agent = goal.agent or self._agent.of(received.content, self._captures)
             goal.task = goal.task or self._task.of(received.content, self._captures)
             yield from self._goals.settled(goal)
@@ -43,10 +43,10 @@ class Ros1Goals:
             notes.stamp(received.time_ns, at.ns, sure=True)
         if part == "status":
             self._n_arrays += 1
-            for entry in FieldPath("status_list").of(received.content):
+            for entry in field_of(received.content, "status_list"):
                 yield from self._take_status(entry, at, notes)
         else:
-            entry = FieldPath("status").of(received.content)
+            entry = field_of(received.content, "status")
             goal, status, text = self._state(entry)
             if status in OUTCOMES_ROS1:
                 goal.end = goal.end or End(OUTCOMES_ROS1[status], at)
@@ -71,8 +71,8 @@ class Ros1Goals:
         return self._goals.goal(key, new)
 
     def _state(self, entry: object) -> tuple[Goal, int, str]:
-        goal = self._goal(word(FieldPath("goal_id.id").of(entry)))
-        return goal, int(FieldPath("status").of(entry)), word(FieldPath("text").of(entry))
+        goal = self._goal(word(field_of(entry, "goal_id.id")))
+        return goal, int(field_of(entry, "status")), word(field_of(entry, "text"))
 
     def _take_status(self, entry: object, at: Instant, notes: Notes) -> Iterator[Fact]:
         goal, status, text = self._state(entry)
@@ -81,7 +81,7 @@ class Ros1Goals:
         is_new = not goal.seen
         goal.seen.add(status)
         if status in OUTCOMES_ROS1:
-            stamp = stamp_ns(FieldPath("goal_id.stamp").of(entry))
+            stamp = stamp_ns(field_of(entry, "goal_id.stamp"))
             if is_new and goal.started is None and goal.accepted is None and stamp:
                 if self._n_arrays == 1 and stamp < notes.begin_ns - _LATE_NS and goal.end is None:
                     self._goals.leave_out(goal, notes)

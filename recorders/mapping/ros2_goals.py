@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from hrclog.recorders.mapping.facts import Captures, Clock, Fact, Instant, Notes
-from hrclog.recorders.mapping.fields import FieldPath, stamp_ns, uuid_bytes
+from hrclog.recorders.mapping.fields import field_of, stamp_ns, uuid_bytes
 from hrclog.recorders.mapping.goals import OUTCOMES_ROS2, End, Goal, goals_of, rejection
 from hrclog.recorders.mapping.received import Received
 from hrclog.recorders.mapping.values import Value
@@ -49,7 +49,7 @@ class Ros2Goals:
         if part == "status":
             yield from self._take_status(received, notes)
         elif part == "feedback":
-            goal = self._goal(uuid_bytes(FieldPath("goal_id").of(received.content)))
+            goal = self._goal(uuid_bytes(field_of(received.content, "goal_id")))
             goal.likely_start = goal.likely_start or Instant(received.time_ns)
         else:
             yield from self._take_service(part, received)
@@ -74,13 +74,13 @@ class Ros2Goals:
 
     def _take_status(self, received: Received, notes: Notes) -> Iterator[Fact]:
         self._n_arrays += 1
-        for entry in FieldPath("status_list").of(received.content):
-            status = int(FieldPath("status").of(entry))
-            info = FieldPath("goal_info").of(entry)
-            goal = self._goal(uuid_bytes(FieldPath("goal_id").of(info)))
+        for entry in field_of(received.content, "status_list"):
+            status = int(field_of(entry, "status"))
+            info = field_of(entry, "goal_info")
+            goal = self._goal(uuid_bytes(field_of(info, "goal_id")))
             if status in goal.seen or status < _ACCEPTED:
                 continue
-            stamp = stamp_ns(FieldPath("stamp").of(info)) or None
+            stamp = stamp_ns(field_of(info, "stamp")) or None
             self._take_state(goal, status, received.time_ns, stamp, notes)
             goal.seen.add(status)
             yield from self._goals.settled(goal)
@@ -104,13 +104,13 @@ class Ros2Goals:
             goal.end = End(OUTCOMES_ROS2[status], now)
 
     def _take_service(self, part: str, received: Received) -> Iterator[Fact]:
-        info = FieldPath("info").of(received.content)
-        kind = int(FieldPath("event_type").of(info))
-        client = FieldPath("client_gid").of(info)
-        call = (part + bytes(int(number) for number in client).hex(), int(FieldPath("sequence_number").of(info)))
+        info = field_of(received.content, "info")
+        kind = int(field_of(info, "event_type"))
+        client = field_of(info, "client_gid")
+        call = (part + bytes(int(number) for number in client).hex(), int(field_of(info, "sequence_number")))
         if kind in _REQUEST:
-            for request in FieldPath("request").of(received.content):
-                raw = uuid_bytes(FieldPath("goal_id").of(request))
+            for request in field_of(received.content, "request"):
+                raw = uuid_bytes(field_of(request, "goal_id"))
                 goal = self._goal(raw)
                 self._requests[call] = str(uuid.UUID(bytes=raw))
                 if part == "send_goal":
@@ -118,7 +118,7 @@ class Ros2Goals:
                 yield from self._goals.settled(goal)
         elif kind in _RESPONSE and call in self._requests:
             goal = self._goals.goals[self._requests[call]]
-            for response in FieldPath("response").of(received.content):
+            for response in field_of(received.content, "response"):
                 yield from self._take_response(part, goal, response, received)
 
     def _name(self, goal: Goal, request: Any) -> None:  # noqa: ANN401 - a decoded message
@@ -128,12 +128,12 @@ class Ros2Goals:
     def _take_response(self, part: str, goal: Goal, response: Any, received: Received) -> Iterator[Fact]:  # noqa: ANN401 - a decoded message
         now = Instant(received.time_ns)
         if part == "send_goal":
-            if FieldPath("accepted").of(response):
+            if field_of(response, "accepted"):
                 goal.likely_start = goal.likely_start or now
             elif goal.rejected is None:
                 yield rejection(goal, now, "the action server refused the goal")
             return
-        status = int(FieldPath("status").of(response))
+        status = int(field_of(response, "status"))
         if status in OUTCOMES_ROS2:
             goal.likely_end = goal.likely_end or End(OUTCOMES_ROS2[status], now)
             goal.reason = self._reason.of(response, self._captures)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from hrclog.recorders.mapping import ros2_goals
-from hrclog.recorders.mapping.actions import ROS1_TYPES
+from hrclog.recorders.mapping.actions import ROS1_TYPES, Action
 from hrclog.recorders.mapping.behavior_tree import BehaviorTree
 from hrclog.recorders.mapping.meaning import Meaning
 from hrclog.recorders.mapping.plansys2 import PlanSys2
@@ -25,6 +25,7 @@ _BY_TYPE: Final[dict[str, type[Meaning]]] = {
 _MODE_FIELDS: Final = {"franka_msgs/msg/FrankaRobotState": "robot_mode"}
 _SPEED_TOPICS: Final = {"speed_scaling": "percent", "speed_scaling_factor": "fraction"}
 _HEAD: Final = "# A first mapping: check agents and tasks. docs/bags.md describes every key."
+_TASKS: Final = (Action.kind, PlanSys2.kind, BehaviorTree.kind)
 _NO_TASK: Final = (
     "# No topic of a known kind. Name the fields of a message that tells the state of a task:\n"
     '# [[task]]\n# topic = "/task_state"\n# agent = "robot"\n# task = { field = "task" }\n'
@@ -43,9 +44,18 @@ def suggestion(topics: Mapping[tuple[str, str], int]) -> str:
     for (topic, kind), count in sorted(topics.items()):
         lines.append(f"#   {_quoted(topic)[1:-1]}  {_quoted(kind)[1:-1] or 'no type'}  {counted(count, 'message')}")
     tables = [*_actions(topics), *(table for key in sorted(topics) for table in _table(*key))]
-    if not any(table.startswith(("[[action]]", "[[plansys2]]", "[[behavior_tree]]")) for table in tables):
+    families = [kind for kind in _TASKS if any(table.startswith(f"[[{kind}]]") for table in tables)]
+    if not families:
         tables.append(_NO_TASK)
+    others = tuple(f"[[{kind}]]" for kind in families[1:])
+    tables = [_commented(table) if table.startswith(others) else table for table in tables]
     return "\n".join([*lines, *(f"\n{table}" for table in tables)])
+
+
+def _commented(table: str) -> str:
+    """Return a table that is not read: what it tells is told by another table already."""
+    lines = "\n".join(f"# {line}" for line in table.splitlines())
+    return f"# These tell the same tasks, probably; take one of them only.\n{lines}"
 
 
 def _actions(topics: Mapping[tuple[str, str], int]) -> Iterator[str]:

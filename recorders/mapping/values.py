@@ -13,6 +13,7 @@ from hrclog.recorders.mapping.fields import (
     AbsentFieldError,
     FieldPath,
     UnknownFieldError,
+    field_of,
     has_field,
     number,
     stamp_ns,
@@ -125,8 +126,8 @@ class Time:
 def header_instant(received: Received) -> Instant:
     """Return the stamp of a message's header where it was set, else its log time."""
     if has_field(received.content, "header"):
-        header = FieldPath("header").of(received.content)
-        stamp = stamp_ns(FieldPath("stamp").of(header)) if has_field(header, "stamp") else None
+        header = field_of(received.content, "header")
+        stamp = stamp_ns(field_of(header, "stamp")) if has_field(header, "stamp") else None
         if stamp:
             return Instant(stamp, Clock.STAMP)
     return Instant(received.time_ns)

@@ -14,10 +14,10 @@ from typing import Any, Final
 from mcap.records import Channel, Schema
 
 from hrclog.log.messages import channels
+from hrclog.log.messages.action_heads import head_decoder
 from hrclog.log.messages.definitions import IDL, ROS1, Definition, decoder_by, type_name
 from hrclog.log.messages.json_rows import parse_object
 from hrclog.log.messages.standard_types import OLDER_TYPES, STANDARD_TYPES
-from hrclog.wording import counted
 
 Decode = Callable[[bytes], Any]
 
@@ -27,7 +27,6 @@ _DIVIDER: Final = re.compile(r"^---[^\S\n]*$", re.MULTILINE)
 _FIXED: Final = ("action_msgs/msg/GoalStatusArray",)
 """Types that are what they are, whatever a recorder stored beside them."""
 
-_FEEDBACK_HEAD: Final = 20  # bytes of the encapsulation header and the goal's id
 _UUID: Final = "unique_identifier_msgs/UUID goal_id\n"
 _EVENT: Final = (
     "service_msgs/ServiceEventInfo info\n{package}/{action}_{service}_Request[<=1] request\n"
@@ -71,9 +70,10 @@ def decoder_of(channel: Channel, schema: Schema | None) -> Decoder:
     action = _ACTION.match(text)
     if action is not None:
         return Decoder(_by_action(text[action.end() :], name, wire))
-    if not text.strip() and name.endswith("_FeedbackMessage") and wire == channels.CDR:
-        return Decoder(_goal_of_feedback)
     if not text.strip():
+        head = head_decoder(name) if wire == channels.CDR else None
+        if head is not None:
+            return Decoder(head)
         return Decoder(_standard(name, wire), name)
     language = IDL if schema is not None and schema.encoding == IDL else channels.SCHEMA_ENCODING
     return Decoder(decoder_by(Definition(text, language), name, wire))
@@ -104,13 +104,6 @@ def _by_action(text: str, name: str, wire: str) -> Decode:
     main = types.pop(f"{action}_{kind}")
     whole = main + "".join(f"{_SEPARATOR}MSG: {package}/{other}\n{layout}\n" for other, layout in types.items())
     return decoder_by(Definition(whole + separator + used), f"{package}/msg/{part}", wire)
-
-
-def _goal_of_feedback(raw: bytes) -> dict[str, bytes]:
-    """Return the goal of an action's feedback, all that can be told without a definition."""
-    if len(raw) < _FEEDBACK_HEAD:
-        raise ValueError(f"found {counted(len(raw), 'byte')}, expected at least the {_FEEDBACK_HEAD} of a goal's id")
-    return {"goal_id": raw[4:_FEEDBACK_HEAD]}
 
 
 def _standard(name: str, wire: str) -> Decode:
