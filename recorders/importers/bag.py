@@ -78,13 +78,16 @@ class Bag(Importer):
         if not options.get("suggest"):
             return None
         topics: dict[Topic, int] = {}
+        definitions: dict[Topic, str] = {}
         for recording in _recordings(sources):
-            for topic, count in read_recording(recording, Engine.wants_nothing, []).topics.items():
+            content = read_recording(recording, Engine.wants_nothing, [])
+            definitions |= content.definitions
+            for topic, count in content.topics.items():
                 topics[topic] = topics.get(topic, 0) + count
         listed = [
             {"topic": topic, "type": kind, "n_messages": count} for (topic, kind), count in sorted(topics.items())
         ]
-        text = suggestion(topics)
+        text = suggestion(topics, definitions)
         return Remark(text, values={"topics": listed, "mapping": text})
 
 

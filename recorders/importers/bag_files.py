@@ -43,10 +43,17 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What a recording holds of what was wanted, its topics with their counts, and the types that were assumed."""
+    """What a recording holds of what was wanted.
 
-    topics: dict[Topic, int]
-    assumed: set[str]
+    Attributes:
+        topics: how many messages each has.
+        definitions: of the topics' types, as they were recorded.
+        assumed: types that were read by a standard definition, as none was recorded.
+    """
+
+    topics: dict[Topic, int] = field(default_factory=dict)
+    definitions: dict[Topic, str] = field(default_factory=dict)
+    assumed: set[str] = field(default_factory=set)
     _rows: list[_Rows] = field(default_factory=list)
     _failures: Failures = field(default_factory=Failures)
 
@@ -119,7 +126,7 @@ def read_recording(recording: Recording, wants: Callable[[str, str], bool], diag
         Diagnostic("missing_part", f"{BAG_METADATA} lists this file, which is not there", str(recording.path / name))
         for name in recording.missing
     ]
-    content = Content({}, set())
+    content = Content()
     failures: list[LogReadError] = []
     numbering: dict[str, int] = {}
 
@@ -143,14 +150,17 @@ def _take_part(contents: Contents, wants: Callable[[str, str], bool], content: C
     for topic, count in contents.topics().items():
         key = (topic[0], type_name(topic[1]))
         content.topics[key] = content.topics.get(key, 0) + count
+    for channel in contents.channels.values():
+        schema = contents.schemas.get(channel.schema_id)
+        if schema is not None:
+            content.definitions[_topic(channel, schema)] = schema.data.decode(errors="replace")
     decoders: dict[int, Decode | str] = {}
     place = sum(len(rows.batch.start) for rows in content._rows)  # noqa: SLF001 - it fills it
     for batch in contents.batches:
         for channel_id in np.unique(batch.channel).tolist():
-            channel = contents.channels.get(channel_id)
-            rows = np.flatnonzero(batch.channel == channel_id)
-            if channel is None:
+            if channel_id not in contents.channels:
                 continue
+            channel, rows = contents.channels[channel_id], np.flatnonzero(batch.channel == channel_id)
             schema = contents.schemas.get(channel.schema_id)
             topic = _topic(channel, schema)
             if not wants(*topic):

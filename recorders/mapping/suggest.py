@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Final
 
@@ -14,6 +15,9 @@ from hrclog.recorders.mapping.safety import KNOWN_MODES, Safety
 from hrclog.recorders.mapping.signals import Joints, Signal
 from hrclog.wording import counted
 
+Topic = tuple[str, str]
+"""(topic, type)."""
+
 _BY_TYPE: Final[dict[str, type[Meaning]]] = {
     "plansys2_msgs/msg/ActionExecutionInfo": PlanSys2,
     "nav2_msgs/msg/BehaviorTreeLog": BehaviorTree,
@@ -24,6 +28,9 @@ _BY_TYPE: Final[dict[str, type[Meaning]]] = {
 }
 _MODE_FIELDS: Final = {"franka_msgs/msg/FrankaRobotState": "robot_mode"}
 _SPEED_TOPICS: Final = {"speed_scaling": "percent", "speed_scaling_factor": "fraction"}
+_GOAL: Final = re.compile(r"^(?:ACTION: \S+|MSG: \S+(?<!Action)Goal)\n(.*?)(?=^---|^===|\Z)", re.DOTALL | re.MULTILINE)
+_TEXT: Final = re.compile(r"^[^\S\n]*string(?:<=\d+)?[^\S\n]+(\w+)[^\S\n]*(?:#.*)?$", re.MULTILINE)
+_TASK_FIELDS: Final = ("task", "task_name", "name", "skill", "operation", "command")
 _HEAD: Final = "# A first mapping: check agents and tasks. docs/bags.md describes every key."
 _TASKS: Final = (Action.kind, PlanSys2.kind, BehaviorTree.kind)
 _NO_TASK: Final = (
@@ -34,16 +41,17 @@ _NO_TASK: Final = (
 )
 
 
-def suggestion(topics: Mapping[tuple[str, str], int]) -> str:
+def suggestion(topics: Mapping[Topic, int], definitions: Mapping[Topic, str]) -> str:
     """Return a first mapping as TOML; comments list the topics.
 
     Args:
-        topics: how many messages there are of each (topic, type).
+        topics: how many messages there are of each.
+        definitions: of their types, as far as they are known.
     """
     lines = [_HEAD, "#", f"# {counted(len(topics), 'topic')}:"]
     for (topic, kind), count in sorted(topics.items()):
         lines.append(f"#   {_quoted(topic)[1:-1]}  {_quoted(kind)[1:-1] or 'no type'}  {counted(count, 'message')}")
-    tables = [*_actions(topics), *(table for key in sorted(topics) for table in _table(*key))]
+    tables = [*_actions(topics, definitions), *(table for key in sorted(topics) for table in _table(*key))]
     families = [kind for kind in _TASKS if any(table.startswith(f"[[{kind}]]") for table in tables)]
     if not families:
         tables.append(_NO_TASK)
@@ -58,22 +66,35 @@ def _commented(table: str) -> str:
     return f"# These tell the same tasks, probably; take one of them only.\n{lines}"
 
 
-def _actions(topics: Mapping[tuple[str, str], int]) -> Iterator[str]:
-    goals: dict[str, bool] = {}
+def _actions(topics: Mapping[Topic, int], definitions: Mapping[Topic, str]) -> Iterator[str]:
+    goals: dict[str, str] = {}
     for topic, kind in sorted(topics):
-        for suffix, part in ros2_goals.SUFFIXES.items():
-            if topic.endswith(suffix):
-                name = topic.removesuffix(suffix)
-                goals[name] = goals.get(name, False) or part == "send_goal"
-        for part, ending in ROS1_TYPES.items():
-            if topic.endswith(f"/{part}") and kind.endswith(ending):
-                name = topic.removesuffix(f"/{part}")
-                goals[name] = goals.get(name, False) or part == "goal"
-    for name, has_goals in goals.items():
+        suffixes = {suffix: part for suffix, part in ros2_goals.SUFFIXES.items() if topic.endswith(suffix)}
+        suffixes |= {
+            f"/{part}": part for part, end in ROS1_TYPES.items() if topic.endswith(f"/{part}") and kind.endswith(end)
+        }
+        for suffix, part in suffixes.items():
+            name = topic.removesuffix(suffix)
+            goals.setdefault(name, "")
+            if part in ("send_goal", "goal"):
+                goals[name] = definitions.get((topic, kind), "") or "?"
+    for name, definition in goals.items():
         agent, task = _agent_and_task(name)
-        yield f"[[action]]\ntopic = {_quoted(name)}\nagent = {_quoted(agent)}\ntask = {_quoted(task)}" + (
-            '\n# task = { field = "goal.task" }  # if a field of the goal names the task' if has_goals else ""
+        field = _task_field(definition)
+        named = f'{{ field = "goal.{field}" }}' if field else _quoted(task)
+        hint = (
+            '\n# task = { field = "goal.task" }  # if a field of the goal names the task'
+            if definition and not field
+            else ""
         )
+        yield f"[[action]]\ntopic = {_quoted(name)}\nagent = {_quoted(agent)}\ntask = {named}{hint}"
+
+
+def _task_field(definition: str) -> str:
+    """Return the text of a goal that probably names the task, "" if there is none."""
+    goal = _GOAL.search(definition)
+    texts = _TEXT.findall(goal[1]) if goal else []
+    return next((name for name in texts if name in _TASK_FIELDS), texts[0] if len(texts) == 1 else "")
 
 
 def _table(topic: str, kind: str) -> Iterator[str]:

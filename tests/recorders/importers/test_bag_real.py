@@ -22,7 +22,7 @@ from hrclog.recorders.importers.writing import import_files
 
 pytestmark = pytest.mark.slow
 
-N_RUNS = many(4, fuzz=51)
+N_RUNS = many(2, fuzz=51)
 STATES = {"succeeded": 4, "canceled": 5, "failed": 6}
 ROS1_STATES = {"succeeded": 3, "canceled": 2, "failed": 4}
 COLUMNS = ["agent", "task", "start_ns", "end_ns", "outcome"]
