@@ -13,6 +13,8 @@ import numpy as np
 from hrclog.units import NS_PER_S
 
 _STEP: Final = re.compile(r"([^\W\d]\w*)|\[(-?\d{1,9})\]", re.ASCII)
+_PART: Final = r"[^\W\d]\w*(?:\[-?\d{1,9}\])*"
+_PATH: Final = re.compile(rf"{_PART}(?:\.{_PART})*", re.ASCII)
 _UUID_SIZE: Final = 16
 
 
@@ -35,17 +37,10 @@ class FieldPath:
     """
 
     def __init__(self, text: str) -> None:
+        if not _PATH.fullmatch(text):
+            raise ValueError(f"found {text!r}, expected a field such as goal.task or arguments[0]")
         self.text = text
-        self._steps: list[str | int] = []
-        position = 0
-        while position < len(text) or not self._steps:
-            if self._steps and text[position] == ".":
-                position += 1
-            step = _STEP.match(text, position)
-            if step is None or (step[2] and not self._steps):
-                raise ValueError(f"found {text!r}, expected a field such as goal.task or arguments[0]")
-            self._steps.append(step[1] or int(step[2]))
-            position = step.end()
+        self._steps = [name or int(index) for name, index in _STEP.findall(text)]
 
     def of(self, content: Any) -> Any:  # noqa: ANN401 - a message's field may hold anything
         """Return the field of a message.

@@ -79,6 +79,8 @@ def _actions(topics: Mapping[Topic, int], definitions: Mapping[Topic, str]) -> I
             if part in ("send_goal", "goal"):
                 goals[name] = definitions.get((topic, kind), "") or "?"
     for name, definition in goals.items():
+        if not name.strip("/"):
+            continue
         agent, task = _agent_and_task(name)
         field = _task_field(definition)
         named = f'{{ field = "goal.{field}" }}' if field else _quoted(task)
@@ -99,8 +101,8 @@ def _task_field(definition: str) -> str:
 
 def _table(topic: str, kind: str) -> Iterator[str]:
     """Yield the table of a topic that is told by its type."""
-    meaning = _BY_TYPE.get(kind)
-    last = topic.rsplit("/", 1)[-1]
+    meaning = _BY_TYPE.get(kind) if topic.strip("/") else None
+    last = topic.rstrip("/").rsplit("/", 1)[-1]
     head = "" if meaning is None else f"[[{meaning.kind}]]\ntopic = {_quoted(topic)}\n"
     agent = _quoted(_agent_and_task(topic)[0])
     if meaning is Signal and last in _SPEED_TOPICS:

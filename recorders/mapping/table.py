@@ -11,7 +11,7 @@ from hrclog.recorders.mapping.values import Time, TopicPattern, Value
 
 _VALUE_KEYS: Final = ("field", "names", "default")
 _UNITS_NS: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
-_PLACEHOLDER: Final = re.compile(r"\{(\w+)\}")
+_PLACEHOLDER: Final = re.compile(r"\{([^\W\d]\w*)\}", re.ASCII)
 
 
 class Table:
@@ -95,10 +95,7 @@ class Table:
 
     def topic(self, default: str | None = None) -> TopicPattern:
         """Return the topics that the table is about."""
-        text = self.text("topic", default)
-        if text and not text.startswith("/") and text != default:
-            self._wrong("topic", text, "a name that begins with /")
-        return TopicPattern(text or "/")
+        return TopicPattern(self.text("topic", default))
 
     def path(self, key: str, default: str | None = None) -> FieldPath:
         """Return a path to a field."""

@@ -21,11 +21,13 @@ from hrclog.recorders.mapping.fields import (
 )
 from hrclog.recorders.mapping.received import Received
 
-_PART: Final = re.compile(r"\{(\w+)\}|\*")
+_PART: Final = re.compile(r"\{([^\W\d]\w*)\}|\*", re.ASCII)
 
 
 class TopicPattern:
     """The topics that a table of the mapping is about.
+
+    ROS 1 may leave out the first slash.
 
     Args:
         text: a topic, in which `{agent}`, `{task}` and other names in braces stand for one part each, `*` for any part.
@@ -33,6 +35,7 @@ class TopicPattern:
 
     def __init__(self, text: str) -> None:
         self.text = text
+        text = text.removeprefix("/")
         self.names: tuple[str, ...] = tuple(dict.fromkeys(name for name in _PART.findall(text) if name))
         pieces, position = [], 0
         seen: set[str] = set()
@@ -46,7 +49,7 @@ class TopicPattern:
 
     def captures(self, topic: str) -> Captures | None:
         """Return what the placeholders stand for in a topic, None where it is another topic."""
-        match = self._pattern.fullmatch(topic)
+        match = self._pattern.fullmatch(topic.removeprefix("/"))
         return None if match is None else match.groupdict()
 
 
