@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from hrclog.diagnostic import Diagnostic
+from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.errors import HrclogError, ImportDataError, LogReadError, MappingError
 from hrclog.log.messages.encode import Signal
 from hrclog.recorders.importers.bag_files import (
@@ -139,8 +139,11 @@ class _Reader:
         except LogReadError as error:
             self._failures.append(error)
             return
-        self._n_read += 1
         topics = set(content.topics)
+        if not topics:
+            self._failures.append(LogReadError(recording.path, "no topic in it", "a bag with messages"))
+            return
+        self._n_read += 1
         self._topics |= topics
         self._assumed |= content.assumed
         unmatched = engine.unmatched(topics)
@@ -167,8 +170,9 @@ class _Reader:
             for where, (text, is_optional) in self._unmatched.items()
             if not is_optional
         ]
-        if problems:
+        if problems and not loses_data(self.diagnostics):
             raise MappingError(self._mapping.path, [*problems, f"there are: {topics_text(self._topics)}"])
+        self.diagnostics += [Diagnostic("no_events", f"{problem}; damage may have cost it") for problem in problems]
         self.diagnostics += [Diagnostic("unreadable_file", error.reason, str(error.path)) for error in self._failures]
         if self._assumed:
             types = ", ".join(sorted(self._assumed))
@@ -177,10 +181,13 @@ class _Reader:
 
     def _keep(self, run: Run, recording: Recording) -> None:
         """Keep a run under a name of its own; the same run given twice counts once."""
-        if any(run.run_id == other.run_id for other in self.runs.values()):
-            text = f"the run {run.name!r} was given before, and counted once"
+        twin = next((other for other in self.runs.values() if run.run_id == other.run_id), None)
+        if twin is not None:
+            text = f"the run {run.name!r} is there as {twin.name!r} too, and was counted once"
             self.diagnostics.append(Diagnostic("duplicate_events", text, str(recording.path)))
-            return
+            if len(run.events) <= len(twin.events):
+                return
+            del self.runs[twin.name]  # the other is a part of it
         name = run.name
         if name in self.runs:
             name = f"{recording.name}_{name}" if name != recording.name else name

@@ -82,6 +82,10 @@ class Value:
             name = word(self.path.of(content))
         except AbsentFieldError:
             return self.default
+        except UnknownFieldError:
+            if not self.default:
+                raise
+            return self.default
         return self.names.get(name, name) or self.default
 
 

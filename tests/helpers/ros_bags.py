@@ -62,7 +62,7 @@ _ACTION_PARTS = {
 }
 _ROS1_PARTS = {
     "cell/msg/DoTaskGoal": "string task\n",
-    "cell/msg/DoTaskResult": "bool ok\n",
+    "cell/msg/DoTaskResult": "string message\n",
     "cell/msg/DoTaskActionGoal": "std_msgs/Header header\nactionlib_msgs/GoalID goal_id\ncell/DoTaskGoal goal\n",
     "cell/msg/DoTaskActionResult": (
         "std_msgs/Header header\nactionlib_msgs/GoalStatus status\ncell/DoTaskResult result\n"
@@ -301,6 +301,7 @@ def write_ros1(path: Path, messages: Sequence[Sent]) -> Path:
     """Write a ROS 1 bag."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with Ros1Writer(path) as writer:
+        writer.chunk_threshold = 2000
         connections: dict[str, Any] = {}
         for message in sorted(messages, key=lambda sent: sent.time_ns):
             if message.topic not in connections:
@@ -333,6 +334,6 @@ def ros1_status(log_ns: int, time_ns: int, action: str, states: Sequence[tuple[s
 
 def ros1_result(log_ns: int, time_ns: int, action: str, goal: str, state: int, reason: str = "") -> Sent:
     kind = "cell/msg/DoTaskActionResult"
-    inner = made(ROS1, "cell/msg/DoTaskResult", ok=True)
+    inner = made(ROS1, "cell/msg/DoTaskResult", message="")
     status = _ros1_status(goal, state, reason)
     return ros1(log_ns, f"{action}/result", kind, header=_ros1_header(time_ns), status=status, result=inner)

@@ -6,9 +6,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mapped import cell
+from sizes import many
 
 from hrclog.errors import MappingError
 from hrclog.recorders.mapping.mapping import read_mapping
@@ -72,12 +73,20 @@ def test_what_is_no_toml_is_told(content: bytes, tmp_path: Path) -> None:
 
 
 TYPES = st.sampled_from(
-    "action_msgs/msg/GoalStatusArray actionlib_msgs/msg/GoalStatusArray sensor_msgs/msg/JointState x/msg/GoActionGoal "
-    "std_msgs/msg/Float64 plansys2_msgs/msg/ActionExecutionInfo ur_dashboard_msgs/msg/SafetyMode".split()  # noqa: SIM905
+    [
+        "action_msgs/msg/GoalStatusArray",
+        "actionlib_msgs/msg/GoalStatusArray",
+        "x/msg/GoActionGoal",
+        "sensor_msgs/msg/JointState",
+        "std_msgs/msg/Float64",
+        "plansys2_msgs/msg/ActionExecutionInfo",
+        "ur_dashboard_msgs/msg/SafetyMode",
+    ]
 )
 ENDS = st.sampled_from(["", "/_action/status", "/status", "/goal", "/speed_scaling"])
 
 
+@settings(max_examples=many(40, fuzz=1000))
 @given(st.dictionaries(st.tuples(st.builds("/{}{}".format, st.text(), ENDS), TYPES | st.text()), st.integers(0, 9)))
 def test_a_suggestion_is_a_mapping_for_any_topics(topics: dict[tuple[str, str], int]) -> None:
     text = suggestion(topics, {})
