@@ -87,8 +87,9 @@ def _compact(batch: Batch, ids: set[int], data: bytes) -> Batch:
         return batch
     messages = [batch.data[batch.start[row] : batch.end[row]] for row in rows.tolist()]
     ends = np.cumsum(sizes)
-    arrays = (batch.channel, batch.sequence, batch.log_time, batch.publish_time)
-    return Batch(b"".join(messages), *(array[rows] for array in arrays), ends - sizes, ends)
+    heads = (batch.channel, batch.sequence, batch.log_time, batch.publish_time)
+    arrays = [*(array[rows] for array in heads), ends - sizes, ends]
+    return Batch(b"".join(messages), *arrays)
 
 
 def _trust(problems: list[Problem]) -> None:
