@@ -59,12 +59,14 @@ class Notes:
         sure_stamps: (log time, stamp) of messages that were logged as soon as they were stamped.
         other_stamps: the same of messages that may have waited before they were logged.
         begin_ns: log time of the first message.
+        actions: the action that each goal's id was met in first; some servers count their goals, so that ids recur.
     """
 
     remarks: Counter[tuple[str, str]] = field(default_factory=Counter)
     sure_stamps: list[tuple[int, int]] = field(default_factory=list)
     other_stamps: list[tuple[int, int]] = field(default_factory=list)
     begin_ns: int = 0
+    actions: dict[str, str] = field(default_factory=dict)
 
     def remark(self, code: str, sentence: str) -> None:
         """Count something that is to be told."""

@@ -26,6 +26,7 @@ class Goal:
 
     Attributes:
         execution_id: of its execution.
+        stamp_ns: when the server says that it took it.
         agent: "" until it is known.
         task: "" until it is known.
         accepted: when the server took it.
@@ -47,6 +48,7 @@ class Goal:
     reason: str | None = None
     rejected: CommandRejected | None = None
     left_out: bool = False
+    stamp_ns: int | None = None
     n_told: int = 0
     seen: set[int] = field(default_factory=set)
 
@@ -69,12 +71,18 @@ class Goals:
     tells_fallbacks: bool
     waits_for_reason: bool
     goals: dict[str, Goal] = field(default_factory=dict)
+    n_former: int = 0
 
     def goal(self, key: str, new: Callable[[], Goal]) -> Goal:
         """Return a goal by its key, a new one where it is new."""
         if key not in self.goals:
             self.goals[key] = new()
         return self.goals[key]
+
+    def retire(self, key: str) -> None:
+        """Let the key of a goal that has ended stand for another one."""
+        self.n_former += 1
+        self.goals[f"{key} {self.n_former}"] = self.goals.pop(key)
 
     def settled(self, goal: Goal) -> Iterator[Fact]:
         """Tell what is certain by now and was not told."""

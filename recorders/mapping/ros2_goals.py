@@ -6,6 +6,8 @@ import uuid
 from collections.abc import Iterator
 from typing import Any, Final
 
+from hrclog.ids import derived_id
+from hrclog.recorders.mapping.executions import SOURCE
 from hrclog.recorders.mapping.facts import Captures, Clock, Fact, Instant, Notes
 from hrclog.recorders.mapping.fields import field_of, stamp_ns, uuid_bytes
 from hrclog.recorders.mapping.goals import OUTCOMES_ROS2, End, Goal, goals_of, rejection
@@ -41,31 +43,32 @@ class Ros2Goals:
     def __init__(self, name: str, captures: Captures, agent: Value, task: Value, reason: Value) -> None:
         self._captures, self._agent, self._task, self._reason = captures, agent, task, reason
         self._goals = goals_of(name, agent, task, waits_for_reason=reason.path is not None)
-        self._requests: dict[tuple[str, int], str] = {}
+        self._requests: dict[tuple[str, int], Goal] = {}
         self._n_arrays = 0
+        self._retired: set[tuple[str, int | None]] = set()
 
     def take(self, part: str, received: Received, notes: Notes) -> Iterator[Fact]:
         """Return what a message says; `part` is one of `SUFFIXES`."""
         if part == "status":
             yield from self._take_status(received, notes)
         elif part == "feedback":
-            goal = self._goal(uuid_bytes(field_of(received.content, "goal_id")))
+            goal = self._goal(_key(field_of(received.content, "goal_id")), notes)
             goal.likely_start = goal.likely_start or Instant(received.time_ns)
         else:
-            yield from self._take_service(part, received)
+            yield from self._take_service(part, received, notes)
 
     def finish(self, notes: Notes) -> Iterator[Fact]:
         """Return the rest."""
         yield from self._goals.finish(notes)
 
-    def _goal(self, raw: bytes | None) -> Goal:
-        if raw is None:
-            raise ValueError("found a goal without a UUID")
-        key = str(uuid.UUID(bytes=raw))
-        return self._goals.goal(key, lambda: self._new_goal(key))
+    def _goal(self, key: str, notes: Notes) -> Goal:
+        return self._goals.goal(key, lambda: self._new_goal(key, notes))
 
-    def _new_goal(self, execution_id: str) -> Goal:
-        goal = Goal(execution_id)
+    def _new_goal(self, key: str, notes: Notes) -> Goal:
+        """Return a goal whose execution has its UUID, unless another goal of the recording has it too."""
+        name = self._goals.name
+        is_first = notes.actions.setdefault(key, name) == name and not self._goals.n_former
+        goal = Goal(key if is_first else derived_id(SOURCE, "action", name, key, str(self._goals.n_former)))
         if self._agent.path is None:
             goal.agent = self._agent.of(None, self._captures)
         if self._task.path is None:
@@ -77,10 +80,14 @@ class Ros2Goals:
         for entry in field_of(received.content, "status_list"):
             status = int(field_of(entry, "status"))
             info = field_of(entry, "goal_info")
-            goal = self._goal(uuid_bytes(field_of(info, "goal_id")))
-            if status in goal.seen or status < _ACCEPTED:
-                continue
             stamp = stamp_ns(field_of(info, "stamp")) or None
+            key = _key(field_of(info, "goal_id"))
+            goal = self._goal(key, notes)
+            if goal.end is not None and stamp not in (None, goal.stamp_ns):
+                goal = self._renewed(key, goal, notes)
+            if status in goal.seen or status < _ACCEPTED or (key, stamp) in self._retired:
+                continue
+            goal.stamp_ns = goal.stamp_ns or stamp
             self._take_state(goal, status, received.time_ns, stamp, notes)
             goal.seen.add(status)
             yield from self._goals.settled(goal)
@@ -103,21 +110,29 @@ class Ros2Goals:
                 goal.accepted = Instant(stamp, Clock.STAMP)
             goal.end = End(OUTCOMES_ROS2[status], now)
 
-    def _take_service(self, part: str, received: Received) -> Iterator[Fact]:
+    def _renewed(self, key: str, ended: Goal, notes: Notes) -> Goal:
+        """Return a new goal under the key of one that has ended; states of that one may still be repeated."""
+        self._retired.add((key, ended.stamp_ns))
+        self._goals.retire(key)
+        return self._goal(key, notes)
+
+    def _take_service(self, part: str, received: Received, notes: Notes) -> Iterator[Fact]:
         info = field_of(received.content, "info")
         kind = int(field_of(info, "event_type"))
         client = field_of(info, "client_gid")
         call = (part + bytes(int(number) for number in client).hex(), int(field_of(info, "sequence_number")))
         if kind in _REQUEST:
             for request in field_of(received.content, "request"):
-                raw = uuid_bytes(field_of(request, "goal_id"))
-                goal = self._goal(raw)
-                self._requests[call] = str(uuid.UUID(bytes=raw))
+                key = _key(field_of(request, "goal_id"))
+                goal = self._goal(key, notes)
+                if part == "send_goal" and goal.end is not None and goal.stamp_ns is not None:
+                    goal = self._renewed(key, goal, notes)
+                self._requests[call] = goal
                 if part == "send_goal":
                     self._name(goal, request)
                 yield from self._goals.settled(goal)
         elif kind in _RESPONSE and call in self._requests:
-            goal = self._goals.goals[self._requests[call]]
+            goal = self._requests[call]
             for response in field_of(received.content, "response"):
                 yield from self._take_response(part, goal, response, received)
 
@@ -138,3 +153,10 @@ class Ros2Goals:
             goal.likely_end = goal.likely_end or End(OUTCOMES_ROS2[status], now)
             goal.reason = self._reason.of(response, self._captures)
             yield from self._goals.settled(goal)
+
+
+def _key(goal_id: Any) -> str:  # noqa: ANN401 - a decoded message
+    raw = uuid_bytes(goal_id)
+    if raw is None:
+        raise ValueError("found a goal without a UUID")
+    return str(uuid.UUID(bytes=raw))

@@ -214,3 +214,25 @@ def test_refused_and_recalled_goals_of_ros_1_are_rejected_commands() -> None:
         "recalled before it began",
     ]
     assert rows(event for event in events_of(facts)) == []
+
+
+@given(st.booleans(), st.integers(2, 4))
+def test_ids_that_recur_in_other_actions_or_later_are_other_executions(with_requests: bool, n_rounds: int) -> None:
+    messages: list[Message] = []
+    expected: list[Row] = []
+    for number in range(n_rounds):
+        start = T + number * 20 * S
+        for task in ("do", "pick"):
+            action = f"/robot/{task}"
+            expected.append(("robot", task, start, start + 5 * S, "succeeded"))
+            kept = [("g", start - 20 * S, 4)] * bool(number)
+            messages += [
+                array(start, action, *kept, ("g", start, 2)),
+                array(start + 5 * S, action, ("g", start, 4), *kept),
+            ]
+        if with_requests:
+            request = {"goal_id": goal_id("g"), "goal": {}}
+            messages.append(service(start - 1, "send_goal", 1, number, request))
+    facts, diagnostics = told(MAP, messages)
+    assert rows(events_of(facts)) == expected
+    assert diagnostics == []
