@@ -16,6 +16,7 @@ _STEP: Final = re.compile(r"([^\W\d]\w*)|\[(-?\d{1,9})\]", re.ASCII)
 _PART: Final = r"[^\W\d]\w*(?:\[-?\d{1,9}\])*"
 _PATH: Final = re.compile(rf"{_PART}(?:\.{_PART})*", re.ASCII)
 _UUID_SIZE: Final = 16
+_STAMPS: Final = (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"))
 
 
 class UnknownFieldError(ValueError):
@@ -75,7 +76,7 @@ def field_names(content: Any) -> list[str]:  # noqa: ANN401 - any decoded messag
 
 def has_field(content: Any, name: str) -> bool:  # noqa: ANN401 - any decoded message
     """Return whether a message has a field."""
-    return name in field_names(content)
+    return name in (content if isinstance(content, Mapping) else getattr(type(content), "__dataclass_fields__", ()))
 
 
 def word(value: Any) -> str:  # noqa: ANN401 - any field's value
@@ -125,13 +126,11 @@ def uuid_bytes(value: Any) -> bytes | None:  # noqa: ANN401 - any field's value
 
 def stamp_ns(value: Any) -> int | None:  # noqa: ANN401 - any field's value
     """Return a Time or Duration message as nanoseconds; None where it is none."""
-    names = field_names(value)
-    for seconds, rest in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs")):
-        if seconds in names and rest in names:
-            whole, part = (
-                value[name] if isinstance(value, Mapping) else getattr(value, name) for name in (seconds, rest)
-            )
-            return int(whole) * NS_PER_S + int(part)
+    for seconds, rest in _STAMPS:
+        if has_field(value, seconds) and has_field(value, rest):
+            if isinstance(value, Mapping):
+                return int(value[seconds]) * NS_PER_S + int(value[rest])
+            return int(getattr(value, seconds)) * NS_PER_S + int(getattr(value, rest))
     return None
 
 

@@ -45,12 +45,15 @@ class TopicPattern:
             pieces.append("[^/]+" if not name else f"(?P={name})" if name in seen else f"(?P<{name}>[^/]+)")
             seen.add(name or "")
             position = part.end()
+        self._known: dict[str, Captures | None] = {}
         self._pattern = re.compile("".join(pieces) + re.escape(text[position:]))
 
     def captures(self, topic: str) -> Captures | None:
         """Return what the placeholders stand for in a topic, None where it is another topic."""
-        match = self._pattern.fullmatch(topic.removeprefix("/"))
-        return None if match is None else match.groupdict()
+        if topic not in self._known:
+            match = self._pattern.fullmatch(topic.removeprefix("/"))
+            self._known[topic] = None if match is None else match.groupdict()
+        return self._known[topic]
 
 
 @dataclass(frozen=True, slots=True)

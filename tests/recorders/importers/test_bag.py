@@ -11,6 +11,7 @@ import pytest
 import ros_bags as bags
 import zstandard
 
+import hrclog.sample_logs
 from hrclog.analyzers.projections.intervals import intervals
 from hrclog.cli import main
 from hrclog.diagnostic import Diagnostic
@@ -19,6 +20,8 @@ from hrclog.log.reader import read_logs
 from hrclog.recorders.importers.bag import Bag
 from hrclog.recorders.importers.importer import Imported
 from hrclog.recorders.importers.writing import import_files
+
+pytestmark = pytest.mark.slow
 
 T = 1_700_000_000_000_000_000
 S = 10**9
@@ -272,3 +275,16 @@ def test_the_command_tells_counts_and_how_it_went(
     assert "--suggest" in capsys.readouterr().err
     (tmp_path / "torn.mcap").write_bytes((tmp_path / "bag" / "bag_0.mcap").read_bytes()[:-200])
     assert main(["import", "bag", "torn.mcap", "--map", "cell.toml", "-o", "torn"]) == 3
+
+
+def test_the_sample_bag_is_the_runs_of_the_campaign_that_it_was_made_of(tmp_path: Path) -> None:
+    samples = Path(hrclog.sample_logs.__file__).parent
+    folder = samples / "ros2_actions"
+    imported = do_import(tmp_path, [folder / "tuesday"], (folder / "cell.toml").read_text())
+    assert imported.diagnostics == []
+    runs = sorted((samples / "campaign").glob("*.mcap"))[:6]
+    assert imported.runs == [run.stem for run in runs]
+    for run, log in zip(runs, imported.written, strict=True):
+        assert rows(log) == rows(run)
+        speeds = [read_logs([path]).events.filter(kind="safety_state_changed", agent="robot") for path in (run, log)]
+        assert speeds[0]["speed_scale"].to_list() == pytest.approx(speeds[1]["speed_scale"].to_list())
