@@ -22,7 +22,7 @@ from hrclog.recorders.importers.writing import import_files
 
 pytestmark = pytest.mark.slow
 
-N_RUNS = many(2, fuzz=51)
+N_RUNS = many(3, fuzz=51)
 STATES = {"succeeded": 4, "canceled": 5, "failed": 6}
 ROS1_STATES = {"succeeded": 3, "canceled": 2, "failed": 4}
 COLUMNS = ["agent", "task", "start_ns", "end_ns", "outcome"]
@@ -114,7 +114,9 @@ def test_bags_of_the_authors_runs_give_what_their_dumps_give(
         assert executions(tmp_path / "logs" / log.name).rows() == executions(log).rows()
     expected, analysis = hrclog.analyze(str(dumps)), hrclog.analyze(str(tmp_path / "logs"))
     for name in ("durations", "synergies"):
-        assert_frame_equal(getattr(analysis, name), getattr(expected, name), rel_tol=1e-9)
+        assert_frame_equal(
+            getattr(analysis, name), getattr(expected, name), rel_tol=1e-6
+        )  # sums in another order of the runs
     again = import_files(Bag(), [tmp_path / "bags"], tmp_path / "logs", map=tmp_path / "cell.toml")
     assert (len(again.written), len(again.unchanged)) == (0, len(imported.written))
 
