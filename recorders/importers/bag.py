@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.errors import HrclogError, ImportDataError, LogReadError, MappingError
+from hrclog.log.messages.channels import EVENTS_TOPIC
 from hrclog.log.messages.encode import Signal
 from hrclog.recorders.importers.bag_files import (
     Recording,
@@ -123,30 +124,39 @@ class _Reader:
         self._mapping = mapping
         self._details = details
         self._failures: list[LogReadError] = []
+        self._logs: list[Path] = []
         self._unmatched: dict[str, tuple[str, bool]] = {
             meaning.where: (meaning.pattern.text, meaning.is_optional) for meaning in mapping.meanings()[0]
         }
         self._topics: set[Topic] = set()
         self._assumed: set[str] = set()
         self._n_read = 0
+        self._is_damaged = False
 
     def take(self, recording: Recording) -> None:
         """Read a recording; one that cannot be read hides no other."""
         path = str(recording.path)
         engine = Engine(self._mapping)
+        damage: list[Diagnostic] = []
         try:
-            content = read_recording(recording, engine.wants, self.diagnostics)
+            content = read_recording(recording, engine.wants, damage)
         except LogReadError as error:
             self._failures.append(error)
             return
         topics = set(content.topics)
+        unmatched = engine.unmatched(topics)
         if not topics:
-            self._failures.append(LogReadError(recording.path, "no topic in it", "a bag with messages"))
+            reason = f"no topic in it{''.join(f' ({finding.message})' for finding in damage[:1])}"
+            self._failures.append(LogReadError(recording.path, reason, "a bag with messages"))
+            return
+        if len(unmatched) == len(engine.meanings) and any(topic == EVENTS_TOPIC for topic, _ in topics):
+            self._logs.append(recording.path)
             return
         self._n_read += 1
         self._topics |= topics
         self._assumed |= content.assumed
-        unmatched = engine.unmatched(topics)
+        self._is_damaged = self._is_damaged or loses_data(damage)
+        self.diagnostics += damage
         self._unmatched = {m.where: self._unmatched[m.where] for m in unmatched if m.where in self._unmatched}
         facts = [fact for received in content.messages() for fact in engine.take(received)]
         facts += engine.finish()
@@ -164,16 +174,19 @@ class _Reader:
     def check(self) -> None:
         """Raise where nothing could be read, or a part of the mapping fits no recording; tell what was assumed."""
         if not self._n_read:
-            raise self._failures[0]
+            own = [LogReadError(path, "a log of hrclog, which needs no import", "a bag") for path in self._logs]
+            raise [*self._failures, *own][0]
         problems = [
             f"{where}: found no topic {text!r} in {counted(self._n_read, 'bag')}, expected one of those there"
             for where, (text, is_optional) in self._unmatched.items()
             if not is_optional
         ]
-        if problems and not loses_data(self.diagnostics):
+        if problems and not self._is_damaged:
             raise MappingError(self._mapping.path, [*problems, f"there are: {topics_text(self._topics)}"])
         self.diagnostics += [Diagnostic("no_events", f"{problem}; damage may have cost it") for problem in problems]
         self.diagnostics += [Diagnostic("unreadable_file", error.reason, str(error.path)) for error in self._failures]
+        for path in self._logs:
+            self.diagnostics.append(Diagnostic("unread_logs", "a log of hrclog, which needs no import", str(path)))
         if self._assumed:
             types = ", ".join(sorted(self._assumed))
             text = f"the bags hold no definition of {types}: read by the standard ones"

@@ -189,6 +189,8 @@ def test_a_mapping_that_does_not_fit_lists_what_there_is(tmp_path: Path) -> None
         MappingError, match=r"signal\[1\]: topic /d \(std_msgs/msg/Float64\): found no field 'x'; it has data"
     ):
         do_import(tmp_path, [bag], MAP + '[[signal]]\ntopic = "/d"\nname = "d"\nfield = "x"\n')
+    with pytest.raises(MappingError, match=r"found no topic '/\{agent\}/dou' in 1 bag"):
+        do_import(tmp_path, [bag], MAP.replace("/do", "/dou"))
     with pytest.raises(MappingError, match=r"no field 'job' of 'goal.job'; it has task"):
         do_import(tmp_path, [bag], MAP.replace("goal.task", "goal.job"))
     optional = MAP + '[[signal]]\ntopic = "/dd"\nname = "d"\noptional = true\n'
@@ -288,3 +290,12 @@ def test_the_sample_bag_is_the_runs_of_the_campaign_that_it_was_made_of(tmp_path
         assert rows(log) == rows(run)
         speeds = [read_logs([path]).events.filter(kind="safety_state_changed", agent="robot") for path in (run, log)]
         assert speeds[0]["speed_scale"].to_list() == pytest.approx(speeds[1]["speed_scale"].to_list())
+
+
+def test_logs_of_hrclog_among_bags_are_no_bags(tmp_path: Path) -> None:
+    bags.write_bag(tmp_path / "bag", TWO)
+    do_import(tmp_path, [tmp_path / "bag"])
+    with pytest.raises(LogReadError, match="a log of hrclog, which needs no import"):
+        do_import(tmp_path, [tmp_path / "logs"])
+    both = do_import(tmp_path, [tmp_path / "bag", tmp_path / "logs"])
+    assert (len(both.unchanged), codes(both.diagnostics)) == (1, ["unread_logs"])
