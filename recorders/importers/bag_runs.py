@@ -52,11 +52,12 @@ class Run:
 
 @dataclass(slots=True)
 class _Draft:
-    """A run in the making: when it is, by what name, and what is in it."""
+    """A run in the making: its name, when it is (`is_marked`: as the source tells), and what is in it."""
 
     name: str
     begin: int
     end: int
+    is_marked: bool = False
     ended: bool = True
     executions: list[list[TaskFact]] = field(default_factory=list)
     others: list[Event] = field(default_factory=list)
@@ -146,7 +147,7 @@ def _marked(name: str, marks: Sequence[RunMark]) -> Iterator[_Draft]:
         if mark.name:
             run_name = f"{name}_{mark.name}" if mark.name.isdecimal() else mark.name
             end = LATEST_NS if following is None else following.time_ns
-            yield _Draft(run_name, mark.time_ns, end, ended=following is not None)
+            yield _Draft(run_name, mark.time_ns, end, is_marked=True, ended=following is not None)
 
 
 def _divided(name: str, executions: Sequence[Sequence[TaskFact]], gap_ns: int) -> Iterator[_Draft]:
@@ -207,15 +208,15 @@ def _run(draft: _Draft, recording: str, details: Mapping[str, Any]) -> Run:
     executions = _with_attempts(draft.executions)
     events = [event for _, event in sorted(_ranked(executions, draft.others), key=lambda item: item[0])]
     times = [event.time_ns for event in events] or [sample.time_ns for sample in draft.samples]
-    begin, end = (draft.begin, draft.end) if draft.begin >= 0 and draft.end < LATEST_NS else (min(times), max(times))
-    begin, end = min(begin, *times), max(times) if draft.end == LATEST_NS else max(end, *times)
+    begin = min(draft.begin, *times) if draft.is_marked else min(times)
+    end = max(draft.end, *times) if draft.is_marked and draft.ended else max(times)
     first = [events[0].execution_id for events in executions if _start(events) == _start(executions[0])]
     run_id = derived_id(SOURCE, str(times[0]), *sorted(first))
     agents = tuple(sorted({events[0].agent for events in executions}))
     if draft.name != recording:
         details = {**details, "recording": recording}
     started = RunStarted(time_ns=begin, run_id=run_id, name=draft.name, agents=agents, details=details)
-    is_ended = draft.ended and all(isinstance(execution[-1], TaskEnded) for execution in executions)
+    is_ended = draft.ended if draft.is_marked else all(isinstance(events[-1], TaskEnded) for events in executions)
     whole = [started, *(replace(event, run_id=run_id) for event in events)]
     if is_ended:
         whole.append(RunEnded(time_ns=end, run_id=run_id))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import MappingError
 from hrclog.log.messages.failures import Failures
+from hrclog.recorders.mapping.actions import Action
 from hrclog.recorders.mapping.facts import Fact, Notes
 from hrclog.recorders.mapping.fields import UnknownFieldError
 from hrclog.recorders.mapping.mapping import Mapping
@@ -90,5 +91,7 @@ class Engine:
     def _meanings_of(self, topic: str, type_name: str) -> list[Meaning]:
         key = (topic, type_name)
         if key not in self._by_topic:
-            self._by_topic[key] = [meaning for meaning in self.meanings if meaning.wants(topic, type_name)]
+            wanting = [meaning for meaning in self.meanings if meaning.wants(topic, type_name)]
+            actions = [meaning for meaning in wanting if isinstance(meaning, Action)]
+            self._by_topic[key] = [meaning for meaning in wanting if meaning not in actions[1:]]
         return self._by_topic[key]

@@ -148,6 +148,12 @@ def test_a_goal_that_was_not_recorded_is_told_unless_the_mapping_has_a_default()
     assert diagnostics == []
 
 
+def test_the_first_table_that_fits_an_action_counts() -> None:
+    text = '[[action]]\ntopic = "/robot/do"\nagent = "arm"\ntask = "weld"\n' + MAP
+    messages = [array(T + at * S, f"/robot/{name}", ("a", T, 2 + at)) for at in (0, 2) for name in ("do", "pick")]
+    assert [row[:2] for row in rows(events_of(told(text, messages)[0]))] == [("arm", "weld"), ("robot", "pick")]
+
+
 @pytest.mark.parametrize("days", [19, -3])
 def test_a_replay_days_later_gives_the_times_of_the_stamps(days: int) -> None:
     shift = days * 86_400 * S

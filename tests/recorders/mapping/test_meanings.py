@@ -220,6 +220,8 @@ def test_runs_are_divided_where_nobody_does_anything() -> None:
     found, _ = runs('[run]\nby = "gap"\ngap_s = 20\n' + STATE_MAP, messages)
     assert [(run.name, run.n_executions) for run in found] == [("bag_1", 3), ("bag_2", 1)]
     assert len({run.run_id for run in found}) == 2
+    spans = [(run.events[0].time_ns - T, run.events[-1].time_ns - T) for run in found]
+    assert spans == [(0, 70 * S), (200 * S, 210 * S)]
 
 
 def test_a_topic_tells_runs_by_name_or_by_begin_and_end() -> None:
