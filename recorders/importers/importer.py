@@ -6,11 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import Event
-from hrclog.log.messages.encode import Signal
+
+if TYPE_CHECKING:  # encoding costs the import of polars, and importers are listed by `--help`
+    from hrclog.log.messages.encode import Signal
 
 
 @dataclass(frozen=True, slots=True)
