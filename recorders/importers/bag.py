@@ -68,7 +68,7 @@ class Bag(Importer):
             return runs[name].samples
 
         n_executions = sum(run.n_executions for run in runs.values())
-        return Foreign(list(runs), lambda name: runs[name].events, n_executions, reader.diagnostics, samples)
+        return Foreign(list(runs), lambda name: runs[name].events, n_executions, reader.diagnostics, signals=samples)
 
     def preview(self, sources: Sequence[Path], **options: Any) -> Remark | None:  # noqa: ANN401 - what its options hold
         """Return a first mapping, if it was asked for.

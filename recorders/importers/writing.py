@@ -45,7 +45,7 @@ def import_files(
             run; then nothing is written.
         OutputError: the folder cannot be made.
     """
-    all_options = with_defaults(importer, options)
+    all_options = {option.name: option.default for option in importer.options} | options
     foreign = _read_sources(importer, sources, all_options)
     paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
     existing_paths = {path for path in paths.values() if path.exists()}
@@ -62,11 +62,6 @@ def import_files(
         on_run(path)
     unchanged = [path for path in paths.values() if path in existing_paths]
     return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths))
-
-
-def with_defaults(importer: Importer, options: dict[str, Any]) -> dict[str, Any]:
-    """Return all options of an importer: those given, and the defaults of the others."""
-    return {option.name: option.default for option in importer.options} | options
 
 
 def file_name(source: str, run: str) -> str:
