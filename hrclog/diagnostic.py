@@ -41,6 +41,14 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "conflicting_runs": ("error", "two different runs carry the same id; their events cannot be told apart"),
     "unknown_outcome": ("error", "an outcome of the source has no known meaning; the message says what it counts as"),
     "skipped_row": ("error", "a row of the source could not be imported"),
+    "skipped_message": ("error", "messages of a mapped topic could not be used and were left out"),
+    "unmapped_value": ("error", "a value of the source is not in the lists of the mapping; its messages were left out"),
+    "goal_not_recorded": (
+        "error",
+        "goals of an action are not in the recording; the name of the action stands for their task",
+    ),
+    "outside_runs": ("error", "executions lie outside of every run that the mapping tells; they were left out"),
+    "end_unseen_start": ("error", "a task ended whose start is not in the recording; it was left out"),
     "no_events": ("error", "the file is readable but carries no events"),
     # worth a look, nothing lost
     "conflicting_seq": ("warning", "two different events of a run carry the same sequence number; both were kept"),
@@ -77,6 +85,19 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     ),
     "clock_put_back": ("warning", "the recorder's clock was put back; the times of the run were shifted from there on"),
     "time_not_monotonic": ("warning", "times run backwards against the order of writing; the times were believed"),
+    "ended_before": (
+        "warning",
+        "executions had ended when the recording began; when is not known, and they were left out",
+    ),
+    "start_assumed": ("warning", "executions were seen only when they had ended; they count from their acceptance"),
+    "replayed_times": (
+        "warning",
+        "log times do not keep pace with the stamps of the messages: times taken from them are wrong",
+    ),
+    "standard_definition": (
+        "warning",
+        "types have no definition in the recording; they were read by the standard ones",
+    ),
     "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),

@@ -64,6 +64,21 @@ class ImportDataError(HrclogError):
         super().__init__(f"{path}: {self.reason}")
 
 
+class MappingError(HrclogError):
+    """A mapping file cannot be used.
+
+    Args:
+        path: the file.
+        problems: all that is wrong, each with its place in the file; at least one.
+    """
+
+    def __init__(self, path: Path, problems: Sequence[str]) -> None:
+        self.path = path
+        self.problems = tuple(problems)
+        lines = [f"{path}: {problem}" for problem in problems]
+        super().__init__(lines[0] if len(lines) == 1 else _listed(lines, ScenarioError.MOST))
+
+
 class ScenarioError(HrclogError):
     """A scenario, problem or plan is not valid.
 

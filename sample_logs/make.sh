@@ -20,4 +20,5 @@ for sample in "cell_areas paper areas" "cell_ssm kitting ssm"; do
   "$hrclog" sim --scenario "$scenario" --engine bullet --safety "$safety" --signals-hz 5 --runs 1 --seed 2 -o "$work/$name"
   mv "$work/$name"/*.mcap "$out/$name.mcap"
 done
+"$python" "$here/ros2_actions.py" "$out"
 "$python" "$here/killed.py" "$out/killed.mcap"

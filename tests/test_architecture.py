@@ -57,7 +57,8 @@ ARROWS: Mapping[str, str] = {
     "recorders.stdin": "log recorders.json_lines recorders.recorder recorders.segments",
     "recorders.executors": "log recorders.clock",
     "recorders.dispatch": "planning recorders.clock recorders.event_recorder recorders.recorder recorders.executors",
-    "recorders.importers": "log",
+    "recorders.mapping": "log",
+    "recorders.importers": "log recorders.mapping",
     # analyzers
     "analyzers.projections": "log",
     "analyzers.synergy": "analyzers.projections",

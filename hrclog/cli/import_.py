@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from hrclog.cli.common import Progress, echo, echo_lines, print_json, table, tell
-from hrclog.recorders.importers.importer import Importer, Option
+from hrclog.recorders.importers.importer import Importer, Option, Remark
 from hrclog.recorders.importers.importers import IMPORTERS
 from hrclog.wording import counted
 
@@ -42,9 +42,7 @@ def _command(importer: Importer) -> click.Command:
         short_help=importer.summary,
         params=[
             click.Argument(["sources"], nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)),
-            click.Option(
-                ["-o", "--output"], required=True, type=click.Path(path_type=Path), help="Folder for the logs."
-            ),
+            click.Option(["-o", "--output"], type=click.Path(path_type=Path), help="Folder for the logs."),
             *map(_option, importer.options),
             click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output."),
         ],
@@ -62,9 +60,15 @@ def _option(option: Option) -> click.Option:
 
 
 def _callback(importer: Importer) -> Any:
-    def run(sources: Sequence[Path], output: Path, as_json: bool, **options: Any) -> int:
+    def run(sources: Sequence[Path], output: Path | None, as_json: bool, **options: Any) -> int:
         from hrclog.recorders.importers.writing import import_files
 
+        preview = importer.preview(sources, **options)
+        if preview is not None:
+            _show(preview, as_json=as_json)
+            return 0
+        if output is None:
+            raise click.MissingParameter(param_hint="'-o' / '--output'", param_type="option")
         importing = Progress("importing runs")
         imported = import_files(importer, sources, output, importing, **options)
         importing.done()
@@ -85,10 +89,17 @@ def _callback(importer: Importer) -> Any:
                 f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}: "
                 f"{counted(len(imported.written), 'log')} written to {output}, {len(imported.unchanged)} there already"
             )
-            if remark.text:
-                echo_lines(remark.text)
-            if remark.rows:
-                echo_lines(table(remark.header, remark.rows))
+            _show(remark)
         return tell(imported.diagnostics)
 
     return run
+
+
+def _show(remark: Remark, *, as_json: bool = False) -> None:
+    if as_json:
+        print_json(remark.values)
+        return
+    if remark.text:
+        echo_lines(remark.text)
+    if remark.rows:
+        echo_lines(table(remark.header, remark.rows))

@@ -84,12 +84,33 @@ def decode_file(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     Raises:
         LogReadError: it cannot be opened, or is no event log at all.
     """
+    wanted = is_wanted if signals else is_event_channel
+    contents = read_part(path, wanted, complain)
+    for topic, kind in foreign_types(contents):
+        complain("foreign_type", f"{topic} carries {kind}, which is no event: its messages were not read", None)
+    decoded = decode_contents(contents, complain, signals=signals)
+    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
+        _report_several_runs(decoded.events, complain)
+    return decoded
+
+
+def read_part(path: Path, wanted: Wanted, complain: Complain, *, mapped: bool = False) -> Contents:
+    """Read the wanted messages of one file, by what it is and not by its name.
+
+    Args:
+        path: the file.
+        wanted: says of a channel and its schema whether its messages are needed.
+        complain: takes what is lost or doubtful.
+        mapped: whether to map the file into memory, and to believe an index that says where nothing is wanted.
+
+    Raises:
+        LogReadError: it cannot be opened, or is no log or bag at all.
+    """
     if not path.is_file():
         raise LogReadError(path, "something that is no regular file", "an event log")
-    file = load(path)
+    file = load(path, mapped=mapped)
     if file.kind is Format.RERUN or path.suffix == ".rrd":
         raise foreign_error(path, file.data[:HEAD_BYTES])
-    wanted = is_wanted if signals else is_event_channel
     if file.kind is Format.SQLITE:
         from hrclog.log.bags.sqlite import read_database
 
@@ -97,15 +118,12 @@ def decode_file(path: Path, complain: Complain, *, signals: bool) -> Decoded:
     elif file.kind is Format.ROS1:
         from hrclog.log.bags.ros1 import read_ros1
 
-        contents = read_ros1(path, file.data, wanted)
+        contents = read_ros1(path, file.data, wanted, by_index=mapped)
     else:
         contents = _read_mcap(path, file.data, wanted)
     contents.problems[:0] = file.problems
     _tell_of_contents(path, contents, complain)
-    decoded = decode_contents(contents, complain, signals=signals)
-    if path.name.endswith(PARTIAL_SUFFIX) and contents.is_ours:
-        _report_several_runs(decoded.events, complain)
-    return decoded
+    return contents
 
 
 def _tell_of_contents(path: Path, contents: Contents, complain: Complain) -> None:
@@ -117,8 +135,6 @@ def _tell_of_contents(path: Path, contents: Contents, complain: Complain) -> Non
         complain(code, text, None)
     if not contents.finished:
         _tell_of_the_end(path, contents, complain)
-    for topic, kind in foreign_types(contents):
-        complain("foreign_type", f"{topic} carries {kind}, which is no event: its messages were not read", None)
 
 
 def _report_several_runs(events: list[pl.DataFrame], complain: Complain) -> None:

@@ -6,10 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import Event
+
+if TYPE_CHECKING:  # encoding costs the import of polars, and importers are listed by `--help`
+    from hrclog.log.messages.encode import Signal
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +43,14 @@ class Foreign:
         events: returns the events of a run by its name: `run_started` first, in order of time, all of one run id.
         n_executions: how many executions all runs hold.
         diagnostics: what could not be taken over, and why.
+        signals: returns the samples of a run by its name, in order of time.
     """
 
     names: Sequence[str]
     events: Callable[[str], Sequence[Event]]
     n_executions: int = 0
     diagnostics: Sequence[Diagnostic] = ()
+    signals: Callable[[str], Sequence[Signal]] = lambda _: ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +104,15 @@ class Importer(ABC):
         Raises:
             ImportDataError: no file can be read.
         """
+
+    def preview(self, sources: Sequence[Path], **options: Any) -> Remark | None:  # noqa: ANN401, ARG002 - for those that need them
+        """Return what is to be said instead of an import, None where one is to be done.
+
+        Args:
+            sources: the files.
+            options: as for `read`.
+        """
+        return None
 
     def remark(self, imported: Imported, **options: Any) -> Remark:  # noqa: ANN401, ARG002 - for those that need them
         """Return what else is to be said of an import.

@@ -13,5 +13,5 @@ IMPORTERS: Final[Registry[Importer]] = Registry(
     "importer",
     "hrclog.importers",
     "hrclog.recorders.importers.importer:Importer",
-    {"mongo": "hrclog.recorders.importers.mongo:Mongo"},
+    {"bag": "hrclog.recorders.importers.bag:Bag", "mongo": "hrclog.recorders.importers.mongo:Mongo"},
 )

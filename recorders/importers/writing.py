@@ -57,7 +57,7 @@ def import_files(
     written: list[Path] = []
     for run, path in paths.items():
         if path not in existing_paths:
-            write_log(path, _run_events(importer, foreign, run, sources))
+            write_log(path, _run_events(importer, foreign, run, sources), foreign.signals(run))
             written.append(path)
         on_run(path)
     unchanged = [path for path in paths.values() if path in existing_paths]

@@ -24,25 +24,29 @@ from hrclog.wording import counted
 
 VERSION: Final = b"#ROSBAG V2.0\n"
 
-_MESSAGE, _BAG_HEADER, _CHUNK, _CONNECTION = 2, 3, 5, 7
+_MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
 _MOST_CHUNK: Final = 1 << 28  # bytes after decompression; a larger chunk is taken for a decompression bomb
 _LZ4_FLAGS_AT: Final = 4  # behind the magic number
 _SIZE: Final = struct.Struct("<I")
 _TIME: Final = struct.Struct("<II")
+_PAIR: Final = struct.Struct("<II")  # connection and count of messages, in the info of a chunk
 _REINDEX: Final = "`rosbag reindex` closes it"
 
 _Fields = dict[bytes, bytes]
+_Listed = dict[int, int]
+"""Messages of a chunk by connection, as the index counts them."""
 _Row = tuple[int, int, bytes]
 """(channel, time in ns, message)."""
 
 
-def read_ros1(path: Path, data: bytes, wanted: Wanted) -> Contents:
+def read_ros1(path: Path, data: bytes, wanted: Wanted, *, by_index: bool = False) -> Contents:
     """Read a ROS 1 bag; `problems` says what is damaged or missing.
 
     Args:
         path: the file.
         data: what it holds.
         wanted: says of a channel and its schema whether its messages are needed.
+        by_index: whether to pass over chunks that hold nothing wanted, as the index at the end says.
 
     Raises:
         LogReadError: it is of another version, or encrypted.
@@ -51,6 +55,8 @@ def read_ros1(path: Path, data: bytes, wanted: Wanted) -> Contents:
         first_line = data[:20].partition(b"\n")[0]
         raise LogReadError(path, f"a ROS 1 bag of another version ({first_line!r})", f"{VERSION.strip()!r}")
     reader = _Reader(data, wanted)
+    if by_index:
+        reader.read_index()
     reader.read()
     if reader.encryptor:
         raise LogReadError(path, f"a ROS 1 bag encrypted by {reader.encryptor!r}", "one that is not", "decrypt it")
@@ -66,16 +72,39 @@ class _Reader:
         self._wanted_ids: set[int] = set()
         self._counts: dict[int, int] = {}
         self._has_checksum = False
+        self._skipped: dict[int, _Listed] = {}
+
+    def read_index(self) -> None:
+        """Take the connections of a closed bag from its end, and note which chunks hold nothing wanted."""
+        head = next(_records(self._data, len(VERSION)), None)
+        index_position = int.from_bytes(head[0].get(b"index_pos", b""), "little") if head else 0
+        if not len(VERSION) < index_position < len(self._data):
+            return
+        chunks: dict[int, _Listed] = {}
+        for fields, start, end in _records(self._data, index_position):
+            if _code(fields) == _CONNECTION:
+                self._declare(int.from_bytes(fields.get(b"conn", b"")[:4], "little"), fields, self._data[start:end])
+            elif _code(fields) == _CHUNK_INFO:
+                position = int.from_bytes(fields.get(b"chunk_pos", b""), "little")
+                chunks[position] = dict(_PAIR.iter_unpack(self._data[start : end - (end - start) % _PAIR.size]))
+        self._skipped = {
+            position: counts for position, counts in chunks.items() if not self._wanted_ids.intersection(counts)
+        }
 
     def read(self) -> None:
         contents, rows = self.contents, list[_Row]()
         position, index_position = len(VERSION), 0
         for fields, start, end in _records(self._data, position):
+            listed = self._skipped.get(position)
             position = end
             code = _code(fields)
             if code == _BAG_HEADER:
                 index_position = int.from_bytes(fields.get(b"index_pos", b""), "little")
                 self.encryptor = fields.get(b"encryptor", b"")
+            elif code == _CHUNK and listed is not None:
+                self._has_checksum |= _has_checksum(fields, self._data[start : start + _LZ4_FLAGS_AT + 1])
+                for number, count in listed.items():
+                    self._counts[number] = self._counts.get(number, 0) + count
             elif code == _CHUNK and end > start:  # the head of the chunk that was being written tells no length
                 self._take_chunk(fields, start, end)
             else:

@@ -12,6 +12,7 @@ import zstandard
 
 from hrclog.errors import LogReadError
 from hrclog.log.files.formats import HEAD_BYTES, Format, recognise
+from hrclog.log.files.mapped import map_file
 from hrclog.log.mcap.records import Problem
 from hrclog.wording import counted
 
@@ -113,8 +114,12 @@ def _before_damage(data: bytes, kind: Format, begin: int, piece_at: int) -> tupl
     return b"".join(content), len(data)
 
 
-def load(path: Path) -> Loaded:
+def load(path: Path, *, mapped: bool = False) -> Loaded:
     """Read a file and undo its compression.
+
+    Args:
+        path: the file.
+        mapped: whether to map it into memory, for large files of which little is wanted.
 
     Raises:
         LogReadError: it cannot be opened, unpacks to too much, was compressed more than twice, or holds nothing that
@@ -124,7 +129,9 @@ def load(path: Path) -> Loaded:
         with path.open("rb", buffering=0) as stream:
             kind = recognise(stream.read(HEAD_BYTES))
             stream.seek(0)
-            data = b"" if kind is Format.SQLITE else stream.read()
+            data = b"" if mapped or kind is Format.SQLITE else stream.read()
+        if mapped and kind is not Format.SQLITE:
+            data = map_file(path)
     except OSError as error:
         raise LogReadError(path, f"a file that cannot be opened ({error.strerror})", "an event log") from error
     return unpacked(path, data, kind)

@@ -21,6 +21,8 @@ _MESSAGE_DTYPE: Final = np.dtype(
 _MESSAGE_HEAD: Final = np.uint64(_MESSAGE_DTYPE.itemsize - PREFIX.size)
 _ZERO: Final = np.zeros(1, np.int64)
 _MAX_OFFSET: Final = 1 << 40
+_LARGE: Final = 1 << 19  # bytes of a chunk
+_SPARSE: Final = 4
 _FOOTER_SIZE: Final = PREFIX.size + 20 + len(MAGIC)
 
 
@@ -70,13 +72,28 @@ def read_indexed(data: bytes, wanted: Wanted | None = None) -> Contents:
     }
     for index in sorted((index for _, index in said.chunk_indexes), key=lambda index: index.chunk_start_offset):
         if not ids.isdisjoint(index.message_index_offsets):
-            contents.batches.append(_batch(data, index, contents))
+            contents.batches.append(_compact(_batch(data, index, contents), ids, data))
     if len(contents.batches) == len(frame.chunks):
         _trust(data_problems(data, said))
     counts = channel_counts(contents)
     _trust(count_problems(frame, said, match, {channel: counts.get(channel, 0) for channel in ids}, {}))
     contents.unprotected = statistics.message_count > 0 and not has_checksum(data, frame)
     return contents
+
+
+def _compact(batch: Batch, ids: set[int], data: bytes) -> Batch:
+    """Return a batch without what is not wanted, where that is most of a large chunk: images beside few messages."""
+    if batch.data is data or len(batch.data) < _LARGE:
+        return batch
+    rows = np.flatnonzero(np.isin(batch.channel, list(ids)))
+    sizes = (batch.end - batch.start)[rows]
+    if sizes.sum() * _SPARSE > len(batch.data):
+        return batch
+    messages = [batch.data[batch.start[row] : batch.end[row]] for row in rows.tolist()]
+    ends = np.cumsum(sizes)
+    heads = (batch.channel, batch.sequence, batch.log_time, batch.publish_time)
+    arrays = [*(array[rows] for array in heads), ends - sizes, ends]
+    return Batch(b"".join(messages), *arrays)
 
 
 def _trust(problems: list[Problem]) -> None:

@@ -43,7 +43,7 @@ class Definition:
             known_fields, fields = _fields(message.DEFINITION), _fields(self.text)
             return fields[: len(known_fields)] == known_fields
         try:
-            ours, theirs = _layout(_store(Definition(message.DEFINITION))), _layout(_store(self))
+            ours, theirs = _layout(Definition(message.DEFINITION)), _layout(self)
         except Exception:  # noqa: BLE001 - a parser of foreign texts fails in ways of its own
             return False
         return theirs[: len(ours)] == ours
@@ -54,15 +54,30 @@ class Definition:
         Raises:
             ValueError: the definition cannot be parsed.
         """
-        try:
-            store = _store(self)
-        except Exception as error:
-            raise ValueError(f"the definition of {message.TYPE_NAME} cannot be parsed ({error})") from error
-        decode = store.deserialize_ros1 if wire == ROS1 else store.deserialize_cdr
-        return lambda raw: decode(raw, message.TYPE_NAME)
+        return decoder_by(self, message.TYPE_NAME, wire)
 
 
 OURS: Final = Definition(message.DEFINITION)
+
+
+def decoder_by(definition: Definition, name: str, wire: str) -> Callable[[bytes], Any]:
+    """Return a decoder of messages of a type into objects with its fields.
+
+    Args:
+        definition: of the type, and of those that it uses where they are no standard ones.
+        name: of the type.
+        wire: `cdr` or `ros1`.
+
+    Raises:
+        ValueError: the definition cannot be parsed.
+    """
+    try:
+        store = _store(definition, name)
+        store.fielddefs[name]
+    except Exception as error:
+        raise ValueError(f"the definition of {name} cannot be parsed ({error})") from error
+    decode = store.deserialize_ros1 if wire == ROS1 else store.deserialize_cdr
+    return lambda raw: decode(raw, name)
 
 
 def type_name(name: str) -> str:
@@ -83,8 +98,8 @@ def _fields(definition: str) -> list[tuple[str, ...]]:
     return [tuple(words[:2]) for words in lines if words]  # type and name, without the default
 
 
-@lru_cache(maxsize=8)
-def _store(definition: Definition) -> Typestore:
+@lru_cache(maxsize=64)
+def _store(definition: Definition, name: str) -> Typestore:
     from rosbags.typesys import Stores, TypesysError, get_typestore
 
     text = definition.text
@@ -93,7 +108,7 @@ def _store(definition: Definition) -> Typestore:
     huge = _HUGE_ARRAY.search(_COMMENT.sub("", text))
     if huge:
         raise ValueError(f"it has an array of {huge.group()} elements")
-    types = _types(definition)
+    types = _types(definition, name)
     store = get_typestore(Stores.LATEST)
     try:
         store.register(types)
@@ -103,11 +118,11 @@ def _store(definition: Definition) -> Typestore:
     return store
 
 
-def _types(definition: Definition) -> Typesdict:
+def _types(definition: Definition, name: str) -> Typesdict:
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     if definition.language != IDL:
-        return get_types_from_msg(definition.text, message.TYPE_NAME)
+        return get_types_from_msg(definition.text, name)
     types: Typesdict = {}
     for part in definition.text.split(f"{_SEPARATOR}\n"):
         if part.strip():
@@ -116,6 +131,7 @@ def _types(definition: Definition) -> Typesdict:
     return types
 
 
-def _layout(store: Typestore) -> list[tuple[str, Any]]:
+def _layout(definition: Definition) -> list[tuple[str, Any]]:
     """Return the names and types of a TaskEvent's fields."""
+    store = _store(definition, message.TYPE_NAME)
     return [(name, kind) for name, kind in store.fielddefs[message.TYPE_NAME][1]]

@@ -38,9 +38,15 @@ class Failures:
             cause = reason = _FURTHER
         causes.setdefault(cause, _Cause(reason, 0, log_time)).count += count
 
-    def report(self, complain: Complain) -> None:
-        """Complain once of each cause."""
+    def report(self, complain: Complain, code: str = "undecodable_event", what: str = "cannot be decoded") -> None:
+        """Complain once of each cause.
+
+        Args:
+            complain: takes the complaints.
+            code: of the diagnostic.
+            what: came of the messages.
+        """
         for topic, causes in self._causes.items():
             for cause in causes.values():
-                text = f"{counted(cause.count, 'message')} of {topic} cannot be decoded ({cause.example})"
-                complain("undecodable_event", f"{text}, the first with log time {cause.first_log_time} ns", None)
+                text = f"{counted(cause.count, 'message')} of {topic} {what} ({cause.example})"
+                complain(code, f"{text}, the first with log time {cause.first_log_time} ns", None)

@@ -1,0 +1,1 @@
+"""What foreign topics mean: one mapping file, whatever transport the messages come by."""
