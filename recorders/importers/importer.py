@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+import polars as pl
+
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import Event
 
@@ -32,6 +34,15 @@ class Option:
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """How files were read: what follows the counts of runs and executions, lines for people, and values for JSON."""
+
+    text: str = ""
+    lines: str = ""
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Foreign:
     """What the files of another system hold.
 
@@ -40,12 +51,17 @@ class Foreign:
         events: returns the events of a run by its name: `run_started` first, in order of time, all of one run id.
         n_executions: how many executions all runs hold.
         diagnostics: what could not be taken over, and why.
+        columns: the events of all runs as columns, where they are at hand: an events frame in order, and where each run
+            lies in it. They are written faster, and equal what `events` returns.
+        reading: what is to be said of how the files were read.
     """
 
     names: Sequence[str]
     events: Callable[[str], Sequence[Event]]
     n_executions: int = 0
     diagnostics: Sequence[Diagnostic] = ()
+    columns: tuple[pl.DataFrame, Mapping[str, tuple[int, int]]] | None = None
+    reading: Reading = field(default_factory=Reading)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +73,7 @@ class Imported:
     n_executions: int = 0
     diagnostics: list[Diagnostic] = field(default_factory=list)
     runs: list[str] = field(default_factory=list)
+    reading: Reading = field(default_factory=Reading)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +97,7 @@ class Importer(ABC):
         description: what follows it in the help.
         example: a command line.
         options: those it has beside the files and the folder.
+        may_only_show: whether it can say what it would import, without a folder.
     """
 
     name: ClassVar[str]
@@ -87,6 +105,7 @@ class Importer(ABC):
     description: ClassVar[str] = ""
     example: ClassVar[str] = ""
     options: ClassVar[tuple[Option, ...]] = ()
+    may_only_show: ClassVar[bool] = False
 
     @abstractmethod
     def read(self, sources: Sequence[Path], **options: Any) -> Foreign:  # noqa: ANN401 - what its options hold

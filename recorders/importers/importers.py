@@ -13,5 +13,8 @@ IMPORTERS: Final[Registry[Importer]] = Registry(
     "importer",
     "hrclog.importers",
     "hrclog.recorders.importers.importer:Importer",
-    {"mongo": "hrclog.recorders.importers.mongo:Mongo"},
+    {
+        "mongo": "hrclog.recorders.importers.mongo:Mongo",
+        "table": "hrclog.recorders.importers.table.importer:TableImporter",
+    },
 )

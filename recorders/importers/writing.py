@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal
 from pathlib import Path
 from typing import Any, Final
+
+import polars as pl
 
 from hrclog.errors import HrclogError, ImportDataError, OutputError
 from hrclog.event_rows import to_row
@@ -15,7 +17,7 @@ from hrclog.file_names import file_stem
 from hrclog.ids import derived_id
 from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_log
-from hrclog.log.writing.writer import write_log
+from hrclog.log.writing.writer import pack_events, packed_bytes, write_log, write_packed
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted
@@ -27,7 +29,7 @@ _LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a su
 def import_files(
     importer: Importer,
     sources: Sequence[Path],
-    folder: Path,
+    folder: Path | None,
     on_run: Callable[[Path], None] = lambda _: None,
     **options: Any,  # noqa: ANN401 - what the importer's options hold
 ) -> Imported:
@@ -36,7 +38,7 @@ def import_files(
     Args:
         importer: reads the sources.
         sources: files of the other system.
-        folder: where the logs go.
+        folder: where the logs go; None to read the sources and write nothing.
         on_run: called after each run, for progress.
         options: of the importer; those that are not given have their defaults.
 
@@ -47,21 +49,63 @@ def import_files(
     """
     all_options = {option.name: option.default for option in importer.options} | options
     foreign = _read_sources(importer, sources, all_options)
+    if folder is None:
+        return Imported([], [], foreign.n_executions, list(foreign.diagnostics), list(foreign.names), foreign.reading)
     paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
+    logs = _PackedLogs(foreign.columns) if foreign.columns else _EventLogs(importer, foreign, sources)
     existing_paths = {path for path in paths.values() if path.exists()}
     for run, path in paths.items():
-        events = _run_events(importer, foreign, run, sources)
-        if path in existing_paths:
-            _check_unchanged(path, events)
+        logs.check(run, path, exists=path in existing_paths)
     _make_folder(folder)
     written: list[Path] = []
     for run, path in paths.items():
         if path not in existing_paths:
-            write_log(path, _run_events(importer, foreign, run, sources))
+            logs.write(run, path)
             written.append(path)
         on_run(path)
     unchanged = [path for path in paths.values() if path in existing_paths]
-    return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths))
+    return Imported(
+        written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading
+    )
+
+
+class _EventLogs:
+    """Logs of runs whose events come one by one."""
+
+    def __init__(self, importer: Importer, foreign: Foreign, sources: Sequence[Path]) -> None:
+        self._importer, self._foreign, self._sources = importer, foreign, sources
+
+    def _events(self, run: str) -> Sequence[Event]:
+        return _run_events(self._importer, self._foreign, run, self._sources)
+
+    def check(self, run: str, path: Path, *, exists: bool) -> None:
+        """Raise if the events of a run are none, or the log that exists says something else."""
+        events = self._events(run)
+        if exists:
+            rows = [to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]
+            _check_unchanged(path, frame_of_rows(rows).select(COLUMNS))
+
+    def write(self, run: str, path: Path) -> None:
+        """Write the log of a run."""
+        write_log(path, self._events(run))
+
+
+class _PackedLogs:
+    """Logs of runs whose events are columns."""
+
+    def __init__(self, columns: tuple[pl.DataFrame, Mapping[str, tuple[int, int]]]) -> None:
+        self._events, self._spans = columns
+        self._packed = pack_events(self._events)
+
+    def check(self, run: str, path: Path, *, exists: bool) -> None:
+        """Raise if the log that exists says something else; equal bytes need no decoding."""
+        if not exists or path.read_bytes() == packed_bytes(self._packed, *self._spans[run]):
+            return
+        _check_unchanged(path, self._events[slice(*self._spans[run])].select(COLUMNS))
+
+    def write(self, run: str, path: Path) -> None:
+        """Write the log of a run."""
+        write_packed(path, self._packed, *self._spans[run])
 
 
 def file_name(source: str, run: str) -> str:
@@ -108,24 +152,21 @@ def _run_events(importer: Importer, foreign: Foreign, run: str, sources: Sequenc
     return events
 
 
-def _check_unchanged(path: Path, events: Sequence[Event]) -> None:
+def _check_unchanged(path: Path, imported: pl.DataFrame) -> None:
     existing = read_log(path).events.sort("seq").select(COLUMNS)
-    if set(existing["run_id"]) != {events[0].run_id}:
+    if set(existing["run_id"]) != {imported["run_id"][0]}:
         content, expected = "a log of another run", "no file, or the log of the same run"
         raise ImportDataError(path, content, expected, "use an empty folder")
     remedy = "the source has changed since: import into an empty folder"
-    if existing.height != len(events):
-        existing_count, expected_count = counted(existing.height, "event"), counted(len(events), "event")
+    if existing.height != imported.height:
+        existing_count, expected_count = counted(existing.height, "event"), counted(imported.height, "event")
         raise ImportDataError(path, f"a log of {existing_count}", f"{expected_count} of this run", remedy)
-    imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
-    for seq, (existing_row, imported_row) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
-        if existing_row != imported_row:
-            name, existing_value, imported_value = next(
-                column for column in zip(COLUMNS, existing_row, imported_row, strict=True) if column[1] != column[2]
-            )
-            raise ImportDataError(
-                path, f"{name} {existing_value!r} in event {seq}", f"{imported_value!r} as in the source", remedy
-            )
+    for existing_row, imported_row in zip(existing.iter_rows(named=True), imported.iter_rows(named=True), strict=True):
+        name = next((name for name in COLUMNS if existing_row[name] != imported_row[name]), None)
+        if name is not None:
+            event = f"{imported_row['kind']} of {imported_row['agent']!r}, {imported_row['task']!r}"
+            found = f"{name} {existing_row[name]!r} in event {imported_row['seq']} ({event})"
+            raise ImportDataError(path, found, f"{imported_row[name]!r} as in the source", remedy)
 
 
 def _make_folder(folder: Path) -> None:
