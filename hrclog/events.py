@@ -44,8 +44,8 @@ CLOCK_SHIFT: Final = "clock_shift_ns"
 """Detail of a `run_started`: by how much the recorder's clock was behind the run's last event when the run went on."""
 
 UNKNOWN_OUTCOME: Final = "unknown"
-"""Outcome that a reader derives for an execution that is still open at the end of its log, or does not tell how it ended;
-never written."""
+"""Outcome that a reader derives for an execution that is still open at the end of its log, or that does not tell how it
+ended; never written."""
 
 COMPLETED: Final = "completed"
 """Outcome that a reader derives for an execution that ended in a run that tells no outcome at all; never written."""

@@ -84,7 +84,7 @@ _DRY_RUN = click.Option(["--dry-run"], is_flag=True, help="Say what would be imp
 
 def _callback(importer: Importer) -> Any:
     def run(
-        sources: Sequence[Path], output: Path | None, as_json: bool, dry_run: bool = False, **options: Any
+        sources: Sequence[Path], output: Path | None, as_json: bool, *, dry_run: bool = False, **options: Any
     ) -> int:
         from hrclog.recorders.importers.writing import import_files
 

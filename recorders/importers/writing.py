@@ -64,9 +64,7 @@ def import_files(
             written.append(path)
         on_run(path)
     unchanged = [path for path in paths.values() if path in existing_paths]
-    return Imported(
-        written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading
-    )
+    return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading)
 
 
 class _EventLogs:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -93,7 +94,7 @@ def _encode_block(rows: pl.DataFrame) -> Iterator[bytes]:
         _put_texts(raw, at, length, rows[name])
     data = raw.tobytes()
     places = starts.tolist()
-    for begin_byte, end_byte in zip(places[:-1], places[1:], strict=True):
+    for begin_byte, end_byte in pairwise(places):
         yield data[begin_byte:end_byte]
 
 

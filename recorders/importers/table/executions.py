@@ -31,24 +31,23 @@ from hrclog.wording import counted
 RUN_PARTS: Final = "run_parts"
 """Column of the values that name a run, a list."""
 
-_NOT_TOLD: Final = pl.String
 EXECUTIONS: Final = pl.Schema(
     {
-        LINE: pl.Int64,
+        LINE: pl.Int64(),
         RUN_PARTS: pl.List(pl.String),
-        "agent": pl.String,
-        "task": pl.String,
-        "start_ns": pl.Int64,
-        "end_ns": pl.Int64,  # null where it was still open
-        "outcome": pl.String,  # of the vocabulary; "" where it is not told
-        "not_told": _NOT_TOLD,  # the cell where the outcome is not known, though others tell theirs; else null
-        "reason": pl.String,
-        "key": pl.String,  # what tells it apart in its run, "" for nothing
-        "attempt": pl.Int64,
-        "planned_start_ns": pl.Int64,
-        "planned_end_ns": pl.Int64,
-        "planned_is_relative": pl.Boolean,
-        "origin_ns": pl.Int64,  # when the run began, where the table tells it
+        "agent": pl.String(),
+        "task": pl.String(),
+        "start_ns": pl.Int64(),
+        "end_ns": pl.Int64(),  # null where it was still open
+        "outcome": pl.String(),  # of the vocabulary; "" where it is not told
+        "not_told": pl.String(),  # the cell where the outcome is not known, though others tell theirs; else null
+        "reason": pl.String(),
+        "key": pl.String(),  # what tells it apart in its run, "" for nothing
+        "attempt": pl.Int64(),
+        "planned_start_ns": pl.Int64(),
+        "planned_end_ns": pl.Int64(),
+        "planned_is_relative": pl.Boolean(),
+        "origin_ns": pl.Int64(),  # when the run began, where the table tells it
         "tags": pl.List(pl.String),
     }
 )
@@ -155,8 +154,8 @@ class _Rows:
         usual = (end.ns - start.ns).median()
         if isinstance(usual, int | float) and usual > _LONG_NS:
             raise AmbiguousTimesError(
-                f"found times that make most executions last {usual / 10**9:,.0f} s if they are seconds, expected that their "
-                "unit is told; say which it is: --unit s, ms, us or ns"
+                f"found times that make most executions last {usual / 10**9:,.0f} s if they are seconds, expected that "
+                "their unit is told; say which it is: --unit s, ms, us or ns"
             )
 
     def _settings(self, unit: str = "") -> TimeSettings:
@@ -169,7 +168,11 @@ class _Rows:
             return None
         times = read_times(values.rename(source.column or what), self._settings())
         if needed:
-            self._problem(pl.select(pl.when(times.problem.is_not_null()).then(pl.format("{}: {}", pl.lit(what), times.problem))).to_series())
+            self._problem(
+                pl.select(
+                    pl.when(times.problem.is_not_null()).then(pl.format("{}: {}", pl.lit(what), times.problem))
+                ).to_series()
+            )
             if times.form:
                 self._notes.append(f"{what}: {times.form}")
         if times.is_relative and self._mapping.offset is not None:
@@ -251,7 +254,8 @@ class _Rows:
             return None
         lines = self._frame[LINE].filter(times.problem.is_not_null())
         if len(lines):
-            text = f"{name} of {counted(len(lines), 'row')} cannot be read and is left out: line {lines_text(lines.to_list())}"
+            rows, where = counted(len(lines), "row"), lines_text(lines.to_list())
+            text = f"{name} of {rows} cannot be read and is left out: line {where}"
             self._diagnostics.append(Diagnostic("invalid_value", text, str(self._path)))
         return times
 
@@ -264,7 +268,9 @@ class _Rows:
         cells = self._bound.cells.frame[given] if is_column else pl.Series("run_start", [given], pl.String)
         times = read_times(cells, self._settings())
         if times.is_relative or (not is_column and times.ns[0] is None):
-            raise HrclogError(f"run_start: found {given!r}, expected an instant as 2026-03-02T09:00, or a column of them")
+            raise HrclogError(
+                f"run_start: found {given!r}, expected an instant as 2026-03-02T09:00, or a column of them"
+            )
         self._notes.append(f"start of the run: {times.form}")
         return times.ns if is_column else times.ns.new_from_index(0, self._frame.height)
 
@@ -298,7 +304,8 @@ class _Rows:
         good = (numbers["whole"] >= 1) & (numbers["billionths"] == 0) & (numbers["whole"] < 2**31)
         bad = self._frame[LINE].filter(texts.is_not_null() & ~good.fill_null(value=False))
         if len(bad):
-            text = f"attempt of {counted(len(bad), 'row')} is no number from 1 and counts as 1: line {lines_text(bad.to_list())}"
+            rows, where = counted(len(bad), "row"), lines_text(bad.to_list())
+            text = f"attempt of {rows} is no number from 1 and counts as 1: line {where}"
             self._diagnostics.append(Diagnostic("invalid_value", text, str(self._path)))
         return pl.select(pl.when(good).then(numbers["whole"]).otherwise(1)).to_series()
 
@@ -316,7 +323,9 @@ class _Rows:
         return outcomes, pl.select(pl.when(outcomes == "").then(shown)).to_series()
 
     def _unknown_outcomes(self, executions: pl.DataFrame) -> list[Diagnostic]:
-        ended = executions.filter(pl.col("end_ns").is_not_null() & (pl.col("kind") != POINT), pl.col("not_told").is_not_null())
+        ended = executions.filter(
+            pl.col("end_ns").is_not_null() & (pl.col("kind") != POINT), pl.col("not_told").is_not_null()
+        )
         diagnostics: list[Diagnostic] = []
         for (word,), rows in ended.group_by("not_told", maintain_order=True):
             executions_text, lines = counted(rows.height, "execution"), lines_text(rows[LINE].to_list())
@@ -325,6 +334,8 @@ class _Rows:
                 text = f"found the outcome {word!r} in {executions_text}, which counts as unknown; {how}: line {lines}"
                 diagnostics.append(Diagnostic("unknown_outcome", text, str(self._path)))
             else:
-                text = f"{executions_text} without an outcome, where others have one: it counts as unknown: line {lines}"
+                text = (
+                    f"{executions_text} without an outcome, where others have one: it counts as unknown: line {lines}"
+                )
                 diagnostics.append(Diagnostic("outcome_not_told", text, str(self._path)))
         return diagnostics

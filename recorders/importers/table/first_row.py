@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Final
 
-from hrclog.recorders.importers.table.runs import FILE, RUN, Runs, TableFile
+from hrclog.recorders.importers.table.runs import FILE, RUN, Runs
 from hrclog.recorders.importers.table.tables import LINE
 
 _MS: Final = 10**6
 
 
-def first_row_text(files: Sequence[TableFile], runs: Runs) -> str:
+def first_row_text(runs: Runs) -> str:
     """Return what the first row says."""
     row = runs.executions.sort(FILE, LINE, maintain_order=True).row(0, named=True)
     run = runs.runs[row[RUN]]

@@ -15,9 +15,21 @@ from hrclog.recorders.importers.table.columns import bind
 from hrclog.recorders.importers.table.executions import read_rows
 from hrclog.recorders.importers.table.files import open_file, table_in
 from hrclog.recorders.importers.table.first_row import first_row_text
-from hrclog.recorders.importers.table.mapping import TableMapping, check_mapping, from_options, missing_roles
+from hrclog.recorders.importers.table.mapping import (
+    TableMapping,
+    check_mapping,
+    delimiter_of,
+    from_options,
+    missing_roles,
+)
 from hrclog.recorders.importers.table.mapping_file import mapping_text, read_mapping, write_mapping
-from hrclog.recorders.importers.table.presets import fitting_preset, preset_names, presets_of, read_preset, unfitting_error
+from hrclog.recorders.importers.table.presets import (
+    fitting_preset,
+    preset_names,
+    presets_of,
+    read_preset,
+    unfitting_error,
+)
 from hrclog.recorders.importers.table.proposal import propose
 from hrclog.recorders.importers.table.run_events import run_events
 from hrclog.recorders.importers.table.runs import TableFile, runs_of
@@ -79,9 +91,9 @@ class TableImporter(Importer):
     name = "table"
     summary = "Import tables: CSV, TSV, JSON lines, Parquet, Arrow, XLSX."
     description = (
-        "A row is an execution (--start, and --end or --duration) or an event (--event, --time). What no option names is "
-        "proposed from the names and values of the columns; without -o, or with --dry-run, the proposal is shown and "
-        "nothing is written. Ids derive from the rows, so importing twice adds nothing."
+        "A row is an execution (--start, and --end or --duration) or an event (--event, --time). What no option names "
+        "is proposed from the columns; without -o, or with --dry-run, the proposal is shown and nothing is written. Ids "
+        "derive from the rows, so importing twice adds nothing."
     )
     example = "hrclog import table study.csv --run participant,trial --agent who --task step -o runs"
     may_only_show = True
@@ -120,7 +132,7 @@ class TableImporter(Importer):
         if not runs.runs:
             raise _nothing_left(files[0].path, diagnostics)
         events = run_events(runs)
-        first = first_row_text(files, runs)
+        first = first_row_text(runs)
         reading = Reading(
             f"{counted(n_skipped, 'row')} skipped; first row read as {first}",
             "\n".join(_notes(files, mapping)),
@@ -151,8 +163,7 @@ def _normal(options: Mapping[str, Any]) -> dict[str, Any]:
         if not (key.strip() and sign):
             raise HrclogError(f"--tag: found {text!r}, expected KEY=VALUE")
         tags[key.strip()] = value.strip()
-    delimiter = str(options.get("delimiter") or "")
-    return {**options, "tags": tags, "delimiter": "\t" if delimiter.lower() in ("tab", "\\t") else delimiter}
+    return {**options, "tags": tags, "delimiter": delimiter_of(str(options.get("delimiter") or ""))}
 
 
 def _read_files(

@@ -90,9 +90,9 @@ def read_times(values: pl.Series, settings: TimeSettings) -> Times:
     if settings.timezone:
         check_zone(settings.timezone)
     kind = values.dtype
-    if kind == pl.Datetime or kind == pl.Date:
+    if kind in (pl.Datetime, pl.Date):
         return _typed_instants(values, settings)
-    if kind == pl.Duration or kind == pl.Time:
+    if kind in (pl.Duration, pl.Time):
         ns = values.dt.total_nanoseconds() if kind == pl.Duration else values.cast(pl.Int64)
         return Times(ns, _nothing(ns), is_relative=True, form="time since the start of the run")
     if kind.is_numeric():
@@ -237,7 +237,9 @@ def _local_dates(texts: pl.Series, settings: TimeSettings) -> Times:
     parts = _groups(texts, _LOCAL_DATE, _PARTS)
     order = settings.date_order or _date_order(parts, texts.name)
     if order == "ymd":
-        raise HrclogError(f"column {texts.name!r}: found {texts.drop_nulls()[0]!r}, expected dates that begin with the year")
+        raise HrclogError(
+            f"column {texts.name!r}: found {texts.drop_nulls()[0]!r}, expected dates that begin with the year"
+        )
     day, month = ("first", "second") if order == "dmy" else ("second", "first")
     return _dated(parts, ("third", month, day), settings, f"{order[0]}{order[0]}/{order[1]}{order[1]}/yyyy ")
 
@@ -256,10 +258,16 @@ def _date_order(parts: pl.DataFrame, name: str) -> str:
 def _dated(parts: pl.DataFrame, date: tuple[str, str, str], settings: TimeSettings, form: str = "") -> Times:
     half = pl.col("half").str.to_lowercase().fill_null("")
     hour = (
-        pl.when(half == "pm").then(_int("hour") % 12 + 12).when(half == "am").then(_int("hour") % 12).otherwise(_int("hour"))
+        pl.when(half == "pm")
+        .then(_int("hour") % 12 + 12)
+        .when(half == "am")
+        .then(_int("hour") % 12)
+        .otherwise(_int("hour"))
     )
     year, month, day = (pl.col(name) for name in date)
-    text = pl.format("{}-{}-{} {}:{}:{}", year, month, day, hour, pl.col("minute").fill_null("0"), pl.col("seconds").fill_null("0"))
+    text = pl.format(
+        "{}-{}-{} {}:{}:{}", year, month, day, hour, pl.col("minute").fill_null("0"), pl.col("seconds").fill_null("0")
+    )
     seconds = text.str.to_datetime("%Y-%m-%d %H:%M:%S", time_unit="us", strict=False)
     zone = pl.col("zone").str.to_uppercase()
     digits = zone.str.replace_all(r"[^0-9]", "")
@@ -293,7 +301,11 @@ def _instants_of(frame: pl.DataFrame, settings: TimeSettings, form: str) -> Time
     if not has_zone:
         how = f"without a zone, {_zone_text(settings.timezone)}"
     else:
-        how = f"with a zone, those without one {_zone_text(settings.timezone)}" if lacks_zone and not mixed else "with a zone"
+        how = (
+            f"with a zone, those without one {_zone_text(settings.timezone)}"
+            if lacks_zone and not mixed
+            else "with a zone"
+        )
     return _checked_instants(ns, problem, f"{form or 'ISO '}instants {how}")
 
 
@@ -309,7 +321,7 @@ def _numbers(values: pl.Series, settings: TimeSettings) -> Times:
     frame = parts.with_columns(values.cast(pl.Float64, strict=False).alias("value"))
     if unit == "days":
         since_1970 = ((pl.col("value") - _SPREADSHEET_1970) * _DAY_NS / _MS).round().cast(pl.Int64) * _MS
-        ns, counted = frame.select(since_1970.alias("ns")).to_series(), _nothing(parts["whole"])
+        ns = frame.select(since_1970.alias("ns")).to_series()
         ns, problem = _local_ns(ns, settings.timezone, problem)
         return _checked_instants(ns, problem, f"days of a spreadsheet, {_zone_text(settings.timezone)}")
     scale = UNITS[unit]
@@ -325,11 +337,15 @@ def _numbers(values: pl.Series, settings: TimeSettings) -> Times:
             pl.coalesce(problem, pl.when(far).then(pl.lit("its time is not within 115 days of the start of the run")))
         ).to_series()
         ns = pl.select(pl.when(~far).then(ns)).to_series()
-        return Times(ns, problem, is_relative=True, form=f"{_UNIT_WORDS[unit]} since the start of the run", is_unit_sure=is_sure)
+        return Times(
+            ns, problem, is_relative=True, form=f"{_UNIT_WORDS[unit]} since the start of the run", is_unit_sure=is_sure
+        )
     size = pl.col("whole").abs() < _EARLIEST_S * (BILLION // scale)
     small = parts.select(size.fill_null(value=False)).to_series()
     problem = pl.select(
-        pl.coalesce(problem, pl.when(small).then(pl.lit(f"its time is not in {_UNIT_WORDS[unit]} since 1970, as the others")))
+        pl.coalesce(
+            problem, pl.when(small).then(pl.lit(f"its time is not in {_UNIT_WORDS[unit]} since 1970, as the others"))
+        )
     ).to_series()
     ns = pl.select(pl.when(~small).then(ns)).to_series()
     return _checked_instants(ns, problem, f"{_UNIT_WORDS[unit]} since 1970")
@@ -364,8 +380,8 @@ def _unit_of(values: pl.Series, whole: pl.Series, told: str) -> tuple[str, bool,
         return best, False, True
     if n_relative <= len(sizes) // 2:
         raise AmbiguousTimesError(
-            f"column {values.name!r}: found {values.drop_nulls()[0]}, which is no instant in s, ms, us or ns since 1970 and "
-            "no time since the start of a run; say what it counts: --unit s, ms, us, ns or days"
+            f"column {values.name!r}: found {values.drop_nulls()[0]}, which is no instant in s, ms, us or ns since "
+            "1970 and no time since the start of a run; say what it counts: --unit s, ms, us, ns or days"
         )
     if int(sizes.is_between(*_SERIAL_DAYS).sum()) > len(sizes) // 2:
         return _serial_or_seconds(values)

@@ -98,13 +98,7 @@ def _fold(ordered: pl.DataFrame) -> _Fold:
         whose = (run, agent, task, key, pairing)
         waiting = open_by_key.setdefault(whose, deque())
         if kind == START:
-            end_row, _, end_ns = early_ends.get(whose, (0, 0, None))
-            if end_ns == time_ns:  # it ended in the instant in which it began
-                fold.ends[len(fold.starts)] = end_row
-                del early_ends[whose]
-            else:
-                waiting.append(_Open(row, len(fold.starts)))
-            fold.starts.append(row)
+            _start(fold, waiting, row, early_ends.pop(whose, None), time_ns)
         elif not waiting and kind == END:
             _skip_end(fold, early_ends.get(whose))
             early_ends[whose] = (row, line, time_ns)
@@ -119,9 +113,19 @@ def _fold(ordered: pl.DataFrame) -> _Fold:
             _pause_or_resume(fold, waiting[0], kind, time_ns, line)
     for early in early_ends.values():
         _skip_end(fold, early)
-    for waiting in open_by_key.values():
-        fold.pauses += [(one.number, one.paused_ns, None) for one in waiting if one.paused_ns is not None]
+    still_open = (execution for waiting in open_by_key.values() for execution in waiting)
+    fold.pauses += [(one.number, one.paused_ns, None) for one in still_open if one.paused_ns is not None]
     return fold
+
+
+def _start(fold: _Fold, waiting: deque[_Open], row: int, early: tuple[int, int, int] | None, time_ns: int) -> None:
+    """Begin an execution; an end that came early ends it if it did so in the same instant."""
+    if early is not None and early[2] == time_ns:
+        fold.ends[len(fold.starts)] = early[0]
+    else:
+        _skip_end(fold, early)
+        waiting.append(_Open(row, len(fold.starts)))
+    fold.starts.append(row)
 
 
 def _skip_end(fold: _Fold, early: tuple[int, int, int] | None) -> None:

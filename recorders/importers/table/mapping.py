@@ -134,6 +134,11 @@ class TableMapping:
         named = [source.column for source in self.sources().values() if source.column]
         return list(dict.fromkeys([*named, *self.tag_columns, *self.pair_by]))
 
+    def with_sources(self, sources: Mapping[str, Source | None]) -> TableMapping:
+        """Return the mapping with other sources, by what they mean."""
+        changes: dict[str, Any] = dict(sources)
+        return replace(self, **changes)
+
     def over(self, other: TableMapping) -> TableMapping:
         """Return `other` with whatever is set here instead."""
         default = TableMapping()
@@ -182,6 +187,11 @@ def source_of(text: str | None) -> Source | None:
     return Source(constant=text[1:]) if text.startswith("=") else Source(column=text)
 
 
+def delimiter_of(text: str) -> str:
+    """Return the sign that a text names: itself, or for "tab" a tab."""
+    return "\t" if text.casefold() in ("tab", "\\t") else text
+
+
 def check_mapping(mapping: TableMapping) -> None:
     """Raise if a mapping cannot be used, whatever the table.
 
@@ -206,7 +216,9 @@ def check_mapping(mapping: TableMapping) -> None:
 
 def _check_form(mapping: TableMapping) -> None:
     if mapping.is_event_form and mapping.event is None:
-        raise HrclogError("found --time without --event, expected both; say which column tells what happened: --event COL")
+        raise HrclogError(
+            "found --time without --event, expected both; say which column tells what happened: --event COL"
+        )
     if mapping.is_event_form and mapping.start is not None:
         raise HrclogError("found --time and --start, expected rows of events or of executions; give one of them")
 
@@ -242,18 +254,17 @@ def from_options(options: Mapping[str, Any]) -> TableMapping:
     Args:
         options: by name; `run` and `tag_column` may list several, `tags` is a mapping.
     """
-    texts = {name: str(options[name]) for name in _TEXT_FIELDS if options.get(name)}
-    words = {name: tuple(options[name]) for name in WORD_FIELDS if options.get(name)}
+    values: dict[str, Any] = {name: str(options[name]) for name in _TEXT_FIELDS if options.get(name)}
+    values |= {name: tuple(options[name]) for name in WORD_FIELDS if options.get(name)}
+    values |= {name: source_of(options.get(name)) for name in SOURCE_FIELDS}
     gap = options.get("run_gap")
     return TableMapping(
-        **{name: source_of(options.get(name)) for name in SOURCE_FIELDS},
         run=tuple(source for text in options.get("run") or () if (source := source_of(text))),
         tag_columns=tuple(options.get("tag_column") or ()),
         tags=dict(options.get("tags") or {}),
         run_gap_s=None if gap is None else float(gap),
         has_header=not options.get("no_header"),
-        **texts,
-        **words,
+        **values,
     )
 
 

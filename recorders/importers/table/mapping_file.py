@@ -10,7 +10,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from hrclog.errors import HrclogError, ImportDataError
-from hrclog.recorders.importers.table.mapping import SOURCE_FIELDS, WORD_FIELDS, Source, TableMapping, check_mapping
+from hrclog.recorders.importers.table.mapping import (
+    SOURCE_FIELDS,
+    WORD_FIELDS,
+    Source,
+    TableMapping,
+    check_mapping,
+    delimiter_of,
+)
 
 _TIMES: Final = ("timezone", "run_start", "unit", "date_order", "run_gap_s")
 _TABLE: Final = ("delimiter", "encoding", "decimal", "sheet", "has_header")
@@ -22,7 +29,9 @@ _SECTIONS: Final[dict[str, tuple[str, ...]]] = {
     "table": _TABLE,
 }
 _TOP: Final = ("about", "match", "tags", *_SECTIONS)
-_HEADER: Final = "# What the columns of a table mean: hrclog import table FILE... --map THIS -o DIR (docs/tables-in.md)\n"
+_HEADER: Final = (
+    "# What the columns of a table mean: hrclog import table FILE... --map THIS -o DIR (docs/tables-in.md)\n"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +91,9 @@ def parse_mapping(text: str, path: Path) -> MappingFile:
             int(match.get("n_columns", 0)),
         )
     except (HrclogError, TypeError, ValueError) as error:
-        raise ImportDataError(path, str(error).removeprefix("found "), "a mapping as docs/tables-in.md lists it") from error
+        raise ImportDataError(
+            path, str(error).removeprefix("found "), "a mapping as docs/tables-in.md lists it"
+        ) from error
 
 
 def write_mapping(path: Path, mapping: TableMapping) -> None:
@@ -97,7 +108,9 @@ def write_mapping(path: Path, mapping: TableMapping) -> None:
     except FileExistsError as error:
         raise HrclogError(f"{path}: exists already, not overwriting it; choose another name for --save-map") from error
     except OSError as error:
-        raise HrclogError(f"{path}: cannot be written ({error.strerror}); choose another place for --save-map") from error
+        raise HrclogError(
+            f"{path}: cannot be written ({error.strerror}); choose another place for --save-map"
+        ) from error
 
 
 def mapping_text(mapping: TableMapping) -> str:
@@ -144,19 +157,19 @@ def _mapping_of(content: Mapping[str, Any]) -> TableMapping:
     return TableMapping(**values, tags=tags)
 
 
-def _value(place: str, name: str, value: Any) -> Any:  # noqa: ANN401 - any TOML value
+def _value(place: str, name: str, value: Any) -> Any:  # noqa: ANN401, PLR0911 - any TOML value; a return a kind
+    match name:
+        case "run":
+            return tuple(_source(place, part) for part in (value if isinstance(value, list) else [value]))
+        case "run_gap_s":
+            return _of_type(place, value, int | float, "seconds")
+        case "has_header":
+            return _of_type(place, value, bool, "true or false")
+        case "delimiter":
+            return delimiter_of(_text(place, value))
     if name in SOURCE_FIELDS:
         return _source(place, value)
-    if name == "run":
-        return tuple(_source(place, part) for part in (value if isinstance(value, list) else [value]))
-    if name in _LISTS or name in WORD_FIELDS:
-        return _texts(place, value)
-    if name == "run_gap_s":
-        return _of_type(place, value, int | float, "seconds")
-    if name == "has_header":
-        return _of_type(place, value, bool, "true or false")
-    text = _text(place, value)
-    return "\t" if name == "delimiter" and text.casefold() in ("tab", "\\t") else text
+    return _texts(place, value) if name in _LISTS or name in WORD_FIELDS else _text(place, value)
 
 
 def _source(place: str, value: Any) -> Source:  # noqa: ANN401 - any TOML value

@@ -57,7 +57,10 @@ def _split_texts(texts: pl.Series) -> pl.DataFrame:
         return plain.select("whole", "billionths")
     floats = _split_floats(texts.cast(pl.Float64, strict=False))
     return pl.DataFrame(
-        {name: pl.select(pl.when(has_exponent).then(floats[name]).otherwise(plain[name])).to_series() for name in floats.columns}
+        {
+            name: pl.select(pl.when(has_exponent).then(floats[name]).otherwise(plain[name])).to_series()
+            for name in floats.columns
+        }
     )
 
 

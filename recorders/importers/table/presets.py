@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -83,8 +84,6 @@ def _begins_with_times(table: Table, mapping: TableMapping) -> bool:
 
 
 def _only_present(mapping: TableMapping, table: Table) -> TableMapping:
-    from dataclasses import replace
-
     names = set(table.names)
     lacking = {
         name: None
@@ -92,7 +91,7 @@ def _only_present(mapping: TableMapping, table: Table) -> TableMapping:
         if (source := getattr(mapping, name)) is not None and source.column and source.column not in names
     }
     run = tuple(source for source in mapping.run if not source.column or source.column in names)
-    return replace(mapping, run=run, **lacking)
+    return replace(mapping, run=run).with_sources(lacking)
 
 
 def unfitting_error(path: Path, name: str, presets: Sequence[MappingFile], content: Grid | Table) -> ImportDataError:

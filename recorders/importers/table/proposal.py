@@ -15,42 +15,47 @@ from hrclog.recorders.importers.table.mapping import Source, TableMapping
 from hrclog.recorders.importers.table.tables import Table
 from hrclog.recorders.importers.table.words import END, EVENT_WORDS, OUTCOME_WORDS, START, folded_words
 
-_NAMES: Final[dict[str, tuple[str, ...]]] = {
-    "agent": (
-        "agent", "actor", "agentname", "agentid", "resource", "orgresource", "performer", "executor", "subject", "worker",
-        "who", "operator", "robot", "user", "loggedinuser",
-    ),
-    "task": (
-        "task", "taskname", "activity", "conceptname", "behavior", "behaviour", "action", "step", "operation", "skill",
-        "subtask", "taskid", "label", "applicationname", "name", "job", "narration",
-    ),
-    "start": (
-        "start", "starttime", "tstart", "begin", "begintime", "started", "startedat", "starttimestamp", "timestart", "onset",
-        "from", "startdate", "startdatetime", "startns", "startms", "starts", "startus", "startsec", "beginning",
-    ),
-    "end": (
-        "end", "endtime", "tend", "stop", "stoptime", "finish", "finished", "finishtime", "ended", "endedat", "endtimestamp",
-        "stoptimestamp", "timeend", "offset", "to", "enddate", "enddatetime", "endns", "endms", "ends", "endus", "endsec",
-        "completed", "completedat",
-    ),
-    "duration": ("duration", "durations", "durationms", "durationsec", "dur", "elapsed", "length", "took"),
-    "event": ("event", "eventtype", "lifecycle", "lifecycletransition", "transition", "phase", "type", "state", "status", "kind"),
-    "time": ("time", "timestamp", "timetimestamp", "times", "timems", "timens", "instant", "datetime", "date", "t", "when"),
-    "outcome": ("outcome", "result", "success", "succeeded", "successful", "status", "ok", "endstate"),
-    "reason": ("reason", "error", "errormessage", "failurereason", "cause"),
-    "run": ("run", "runid", "runname", "recipe", "session", "trial", "episode", "recording", "observationid", "caseid",
-            "caseconceptname", "experiment", "videoid", "stationname"),
-    "execution_id": ("executionid", "execution", "conceptinstance", "instanceid", "uuid", "goalid"),
-    "attempt": ("attempt", "attemptnumber", "try", "tries", "retry"),
-    "planned_start": ("plannedstart", "startplanned", "tstartplanned", "plannedstarttime", "scheduledstart", "expectedstart"),
-    "planned_end": ("plannedend", "endplanned", "tendplanned", "plannedendtime", "scheduledend", "expectedend"),
-}  # fmt: skip
+_NAMES: Final = {
+    role: names.split()
+    for role, names in {
+        "agent": (
+            "agent actor agentname agentid resource orgresource performer executor subject worker who "
+            "operator robot user loggedinuser"
+        ),
+        "task": (
+            "task taskname activity conceptname behavior behaviour action step operation skill subtask taskid "
+            "label applicationname name job narration"
+        ),
+        "start": (
+            "start starttime tstart begin begintime started startedat starttimestamp timestart onset from "
+            "startdate startdatetime startns startms starts startus startsec beginning"
+        ),
+        "end": (
+            "end endtime tend stop stoptime finish finished finishtime ended endedat endtimestamp "
+            "stoptimestamp timeend offset to enddate enddatetime endns endms ends endus endsec completed "
+            "completedat"
+        ),
+        "duration": "duration durations durationms durationsec dur elapsed length took",
+        "event": "event eventtype lifecycle lifecycletransition transition phase type state status kind",
+        "time": "time timestamp timetimestamp times timems timens instant datetime date t when",
+        "outcome": "outcome result success succeeded successful status ok endstate",
+        "reason": "reason error errormessage failurereason cause",
+        "run": (
+            "run runid runname recipe session trial episode recording observationid caseid caseconceptname "
+            "experiment videoid stationname"
+        ),
+        "execution_id": "executionid execution conceptinstance instanceid uuid goalid",
+        "attempt": "attempt attemptnumber try tries retry",
+        "planned_start": "plannedstart startplanned tstartplanned plannedstarttime scheduledstart expectedstart",
+        "planned_end": "plannedend endplanned tendplanned plannedendtime scheduledend expectedend",
+    }.items()
+}
 """Names of columns by what they mean, without case and signs."""
 
-_RUN_FACTS: Final = (
-    "participant", "participantid", "subjectid", "subjectno", "person", "group", "condition", "mode", "scenario", "treatment",
-    "session", "sessionid", "day", "block", "trial", "trialid", "trialno", "trialnumber", "repetition", "rep", "round", "iteration",
-)  # fmt: skip
+_RUN_FACTS: Final = (  # noqa: SIM905
+    "participant participantid subjectid subjectno person group condition mode scenario treatment session "
+    "sessionid day block trial trialid trialno trialnumber repetition rep round iteration"
+).split()
 """Facts of a run that together tell runs apart where nothing else does."""
 
 _USUAL_AGENTS: Final = {"robot", "human", "operator", "cobot", "worker", "r", "h"}
@@ -58,7 +63,12 @@ _YES: Final = ("1", "true", "yes", "y", "ok", "pass", "passed", "done", "complet
 _NO: Final = ("0", "false", "no", "n", "nok", "not ok", "fail", "error")
 _SIGNS: Final = re.compile(r"[\W_]+")
 _UNIT: Final = re.compile(r"\s*[\[(](?:s|ms|us|ns|sec|seconds)[\])]\s*$", re.IGNORECASE)
-_NEEDED: Final = {"agent": "COL, or =NAME for all rows", "task": "COL, or =NAME for all rows", "start": "COL", "end": "COL, or --duration COL"}
+_NEEDED: Final = {
+    "agent": "COL, or =NAME for all rows",
+    "task": "COL, or =NAME for all rows",
+    "start": "COL",
+    "end": "COL, or --duration COL",
+}
 
 
 def propose(table: Table, given: TableMapping) -> TableMapping:
@@ -109,7 +119,7 @@ class _Guesser:
             ImportDataError: none fits a role that is needed, or several do.
         """
         for role in roles:
-            if getattr(mapping, role) is not None:
+            if role in mapping.sources():
                 continue
             taken = set(mapping.columns())
             fitting = [name for name in self.columns_of(role) if name not in taken]
@@ -118,14 +128,14 @@ class _Guesser:
             if len(fitting) > 1:
                 raise self._several(role, fitting)
             if fitting:
-                mapping = replace(mapping, **{role: Source(column=fitting[0])})
+                mapping = mapping.with_sources({role: Source(column=fitting[0])})
             elif needed:
                 raise self.missing(role)
         return mapping
 
     def columns_of(self, role: str) -> list[str]:
         """Return the columns that could have a role, only the one that is called so if there is one."""
-        check = self._checks.get(role, lambda _: True)
+        check = self._checks.get(role, _anything)
         exact = [name for name in self._by_name.get(_plain(role), []) if check(self._table.sample[name])]
         if len(exact) == 1:
             return exact
@@ -146,13 +156,17 @@ class _Guesser:
         listed = ", ".join(map(repr, self._table.names[:40])) + (" ..." if len(self._table.names) > 40 else "")
         option = role.replace("_", "-")
         return ImportDataError(
-            self._table.path, f"no column that is plainly the {role} among {listed}", f"one; name it with --{option} {_NEEDED.get(role, 'COL')}",
-        )  # fmt: skip
+            self._table.path,
+            f"no column that is plainly the {role} among {listed}",
+            f"one; name it with --{option} {_NEEDED.get(role, 'COL')}",
+        )
 
     def _several(self, role: str, names: Sequence[str]) -> ImportDataError:
         option = role.replace("_", "-")
         listed = " and ".join(map(repr, names))
-        return ImportDataError(self._table.path, f"columns that could each be the {role}: {listed}", f"one; say which: --{option} COL")
+        return ImportDataError(
+            self._table.path, f"columns that could each be the {role}: {listed}", f"one; say which: --{option} COL"
+        )
 
     def _are_times(self, values: pl.Series) -> bool:
         given = self._given
@@ -188,6 +202,10 @@ def _with_outcome_words(table: Table, mapping: TableMapping) -> TableMapping:
     if not words or not words <= {*ok, *failed, *OUTCOME_WORDS}:
         return mapping
     return replace(mapping, ok=tuple(ok), failed=tuple(failed))
+
+
+def _anything(_: pl.Series) -> bool:
+    return True
 
 
 def _are_events(values: pl.Series) -> bool:

@@ -42,7 +42,9 @@ def run_events(runs: Runs) -> RunEvents:
     positions = {key: position for position, key in enumerate(runs.runs)}
     run_ids = {key: run.run_id for key, run in runs.runs.items()}
     executions = _identified(runs, positions, run_ids)
-    points = runs.points.with_columns(_keyed(positions, pl.Int64).alias(_POSITION), _keyed(run_ids, pl.String).alias("run_id"))
+    points = runs.points.with_columns(
+        _keyed(positions, pl.Int64).alias(_POSITION), _keyed(run_ids, pl.String).alias("run_id")
+    )
     parts = [_starts(executions), _ends(executions), *_pauses(runs, executions), _annotations(points)]
     whole = pl.concat([part.select(*_EVENT.names(), _POSITION, _RANK, _ORDER) for part in parts])
     whole = pl.concat([whole, _frames_of_runs(runs, whole, executions)])
@@ -65,13 +67,16 @@ def _identified(runs: Runs, positions: Mapping[str, int], run_ids: Mapping[str, 
     ordered = runs.executions.sort(RUN, "start_ns", "agent", "task", "end_ns", FILE, NUMBER, maintain_order=True)
     same = ("agent", "task", "start_ns")
     counted = ordered.with_columns(
-        pl.int_range(pl.len()).over(RUN, *same).alias("nth"), pl.int_range(pl.len(), dtype=pl.Int64).over(RUN).alias(_ORDER)
+        pl.int_range(pl.len()).over(RUN, *same).alias("nth"),
+        pl.int_range(pl.len(), dtype=pl.Int64).over(RUN).alias(_ORDER),
     )
     ids = [
         derived_id(SOURCE, *run.split(SEPARATOR), "id", key, str(attempt))
         if key
         else derived_id(SOURCE, *run.split(SEPARATOR), "row", agent, task, str(start), str(nth))
-        for run, key, attempt, agent, task, start, nth in counted.select(RUN, "key", "attempt", *same, "nth").iter_rows()
+        for run, key, attempt, agent, task, start, nth in counted.select(
+            RUN, "key", "attempt", *same, "nth"
+        ).iter_rows()
     ]
     return counted.with_columns(
         pl.Series("execution_id", ids, pl.String),
@@ -132,7 +137,9 @@ def _annotations(points: pl.DataFrame) -> pl.DataFrame:
 
 def _frames_of_runs(runs: Runs, events: pl.DataFrame, executions: pl.DataFrame) -> pl.DataFrame:
     """Return the first and the last event of each run."""
-    times = events.group_by(_POSITION).agg(pl.col("time_ns").min().alias("first"), pl.col("time_ns").max().alias("last"))
+    times = events.group_by(_POSITION).agg(
+        pl.col("time_ns").min().alias("first"), pl.col("time_ns").max().alias("last")
+    )
     agents = executions.group_by(_POSITION).agg(pl.col("agent").unique().sort())
     facts = times.join(agents, on=_POSITION, how="left").sort(_POSITION)
     keys = list(runs.runs)

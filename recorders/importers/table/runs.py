@@ -79,7 +79,7 @@ def runs_of(files: Sequence[TableFile]) -> Runs:
     skips = {file.path: list(file.read.skips) for file in files}
     executions, doubles = _without_doubles(executions)
     executions, points = _with_gaps(executions, points, files)
-    origins = _origins(executions, points, files)
+    origins = _origins(executions, points)
     executions, points = (_since_1970(frame, origins) for frame in (executions, points))
     executions, outside = _within_time(executions)
     for file, line, reason in [*doubles, *outside]:
@@ -88,7 +88,14 @@ def runs_of(files: Sequence[TableFile]) -> Runs:
     pauses = _since_1970_pauses(pauses, executions, origins)
     runs, tag_notes = _runs(executions, files)
     points = points.filter(pl.col(RUN).is_in(list(runs)))
-    return Runs(runs, executions, points, pauses, skips, [*tag_notes, *_beginnings(origins, files), *_overlaps(executions, files)])
+    return Runs(
+        runs,
+        executions,
+        points,
+        pauses,
+        skips,
+        [*tag_notes, *_beginnings(origins, files), *_overlaps(executions, files)],
+    )
 
 
 def _stems(paths: Sequence[Path]) -> list[str]:
@@ -113,10 +120,12 @@ def _without_doubles(executions: pl.DataFrame) -> tuple[pl.DataFrame, list[tuple
     whole = executions.with_columns(pl.col("tags").list.join(SEPARATOR))
     repeats = ~whole.select(pl.struct(RUN, *_SAME).is_first_distinct()).to_series()
     named = (executions["key"] != "") & ~repeats
-    taken = named & ~whole.select(
-        (~pl.lit(named) | pl.struct(RUN, "key", "attempt", pl.when(~pl.lit(named)).then(pl.col(NUMBER))).is_first_distinct())
-    ).to_series()  # fmt: skip
-    skipped = [(file, line, "it repeats another row") for file, line in executions.filter(repeats).select(FILE, LINE).rows()]
+    own_number = pl.when(~pl.lit(named)).then(pl.col(NUMBER))  # rows without an id are all different
+    is_first = pl.struct(RUN, "key", "attempt", own_number).is_first_distinct()
+    taken = named & ~whole.select(is_first).to_series()
+    skipped = [
+        (file, line, "it repeats another row") for file, line in executions.filter(repeats).select(FILE, LINE).rows()
+    ]
     skipped += [
         (file, line, "another row of its run has its execution id")
         for file, line in executions.filter(taken).select(FILE, LINE).rows()
@@ -131,7 +140,9 @@ def _with_gaps(
     gaps = {number: file.mapping.run_gap_s for number, file in enumerate(files) if file.mapping.run_gap_s is not None}
     if not gaps:
         return executions, points
-    rows = pl.concat([frame.with_columns(pl.lit(kind).alias("is_point")) for frame, kind in ((executions, False), (points, True))])
+    rows = pl.concat(
+        [frame.with_columns(pl.lit(kind).alias("is_point")) for frame, kind in ((executions, False), (points, True))]
+    )
     gap_ns = pl.col(FILE).replace_strict(gaps, default=None, return_dtype=pl.Float64) * 10**9
     last = pl.max_horizontal("start_ns", pl.col("end_ns").fill_null(0)).cum_max().shift(1).over(RUN)
     ordered = rows.sort("start_ns", "end_ns", maintain_order=True)
@@ -145,7 +156,7 @@ def _with_gaps(
     return own.filter(~is_point), own.filter(is_point)
 
 
-def _origins(executions: pl.DataFrame, points: pl.DataFrame, files: Sequence[TableFile]) -> pl.DataFrame:
+def _origins(executions: pl.DataFrame, points: pl.DataFrame) -> pl.DataFrame:
     """Return when each run began, ns since 1970: as told, else its first start, else 1970."""
     told = pl.concat([executions, points]).group_by(RUN, maintain_order=True).agg(
         pl.col("origin_ns").drop_nulls().first().alias("told_ns"),
@@ -171,7 +182,9 @@ def _within_time(executions: pl.DataFrame) -> tuple[pl.DataFrame, list[tuple[int
     latest = pl.max_horizontal("start_ns", "end_ns")
     good = executions.select(((pl.col("start_ns") >= 0) & (latest <= LATEST_NS)).alias("good")).to_series()
     reason = "its time is not between 1970 and 2043"
-    return executions.filter(good), [(file, line, reason) for file, line in executions.filter(~good).select(FILE, LINE).rows()]
+    return executions.filter(good), [
+        (file, line, reason) for file, line in executions.filter(~good).select(FILE, LINE).rows()
+    ]
 
 
 def _pauses(read: Read, number: int) -> pl.DataFrame:
@@ -198,13 +211,16 @@ def _runs(executions: pl.DataFrame, files: Sequence[TableFile]) -> tuple[dict[st
         tags, several = _tags(files, values)
         tags = {**dict(files[file].mapping.tags), **tags}
         for name, texts in several.items():
-            text = f"tag {name!r} is {', '.join(map(repr, texts[:5]))} in run {names[key]!r}, expected one value; it is left out"
+            shown = ", ".join(map(repr, texts[:5]))
+            text = f"tag {name!r} is {shown} in run {names[key]!r}, expected one value; it is left out"
             diagnostics.append(Diagnostic("invalid_value", text, str(files[file].path)))
         runs[key] = Run(names[key], derived_id(SOURCE, *key.split(SEPARATOR)), tags)
     return dict(sorted(runs.items(), key=lambda item: item[1].name)), diagnostics
 
 
-def _tags(files: Sequence[TableFile], values: Sequence[Mapping[str, object]]) -> tuple[dict[str, str], dict[str, list[str]]]:
+def _tags(
+    files: Sequence[TableFile], values: Sequence[Mapping[str, object]]
+) -> tuple[dict[str, str], dict[str, list[str]]]:
     """Return the tags of a run, and those that have several values in it."""
     texts: dict[str, dict[str, None]] = {}
     for entry in values:
@@ -234,8 +250,8 @@ def _beginnings(origins: pl.DataFrame, files: Sequence[TableFile]) -> list[Diagn
     if not n_untold:
         return []
     text = (
-        f"times count from the start of the run, and nothing tells when {counted(n_untold, 'run')} began: they begin in 1970; "
-        "say when with --run-start INSTANT or COL"
+        f"times count from the start of the run, and nothing tells when {counted(n_untold, 'run')} began: they begin "
+        "in 1970; say when with --run-start INSTANT or COL"
     )
     return [Diagnostic("no_run_start", text, str(files[0].path))]
 

@@ -94,7 +94,9 @@ def _find_delimiter(text: str) -> str:
     best, best_score = ",", (0.0, 0)
     for sign in _DELIMITERS:
         try:
-            rows = [row for row in islice(csv.reader(io.StringIO(text, newline=""), delimiter=sign), _SNIFFED_ROWS) if row]
+            rows = [
+                row for row in islice(csv.reader(io.StringIO(text, newline=""), delimiter=sign), _SNIFFED_ROWS) if row
+            ]
         except csv.Error:
             continue
         widths = Counter(len(row) for row in rows if len(row) > 1)

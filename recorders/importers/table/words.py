@@ -84,7 +84,9 @@ def _by_word(words: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, str]:
         for word in listed:
             other, _ = meanings.setdefault(folded(word), (option, meaning))
             if other != option:
-                raise HrclogError(f"found {word!r} for {other} and for {option}, expected one meaning; give it to one of them")
+                raise HrclogError(
+                    f"found {word!r} for {other} and for {option}, expected one meaning; give it to one of them"
+                )
     return {word: meaning for word, (_, meaning) in meanings.items()}
 
 
