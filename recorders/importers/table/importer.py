@@ -92,8 +92,8 @@ class TableImporter(Importer):
     summary = "Import tables: CSV, TSV, JSON lines, Parquet, Arrow, XLSX."
     description = (
         "A row is an execution (--start, and --end or --duration) or an event (--event, --time). What no option names "
-        "is proposed from the columns; without -o, or with --dry-run, the proposal is shown and nothing is written. Ids "
-        "derive from the rows, so importing twice adds nothing."
+        "is proposed from the columns; without -o, or with --dry-run, the proposal is shown and nothing is written. "
+        "Ids derive from the rows, so importing twice adds nothing."
     )
     example = "hrclog import table study.csv --run participant,trial --agent who --task step -o runs"
     may_only_show = True

@@ -128,16 +128,13 @@ def mapping_text(mapping: TableMapping) -> str:
 
 def _toml(value: object) -> str:
     match value:
-        case bool():
-            return str(value).lower()
-        case int() | float():
-            return repr(value)
+        case bool() | int() | float():
+            return repr(value).lower()
         case Source():
-            if value.pattern:
-                return f"{{ column = {_toml(value.column)}, pattern = {_toml(value.pattern)} }}"
-            if value.column.startswith("="):
-                return f"{{ column = {_toml(value.column)} }}"
-            return _toml(str(value))
+            if not value.pattern and not value.column.startswith("="):
+                return _toml(str(value))
+            pattern = f", pattern = {_toml(value.pattern)}" if value.pattern else ""
+            return f"{{ column = {_toml(value.column)}{pattern} }}"
         case tuple():
             return f"[{', '.join(map(_toml, value))}]"
         case _:
@@ -157,7 +154,7 @@ def _mapping_of(content: Mapping[str, Any]) -> TableMapping:
     return TableMapping(**values, tags=tags)
 
 
-def _value(place: str, name: str, value: Any) -> Any:  # noqa: ANN401, PLR0911 - any TOML value; a return a kind
+def _value(place: str, name: str, value: Any) -> Any:  # noqa: ANN401 - any TOML value
     match name:
         case "run":
             return tuple(_source(place, part) for part in (value if isinstance(value, list) else [value]))
