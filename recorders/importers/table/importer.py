@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -177,7 +177,9 @@ def _read_files(
         try:
             proposed = propose_for(path, given, options)
             bound = bind(proposed.table, proposed.mapping)
-            files.append(TableFile(path, bound.mapping, read_rows(path, bound)))
+            read = read_rows(path, bound)
+            notes = [*([f"{path.name}: {proposed.table.note}"] if proposed.table.note else []), *read.notes]
+            files.append(TableFile(path, bound.mapping, replace(read, notes=notes)))
             first = first or proposed.mapping
         except ImportDataError as error:
             failures.append(error)
@@ -237,6 +239,7 @@ def _notes(files: Sequence[TableFile], mapping: TableMapping) -> list[str]:
     """Return how the tables were read: the columns, the form of times, and what was assumed."""
     columns = ", ".join(f"{name} = {source}" for name, source in mapping.sources().items())
     tags = f", tags = {', '.join(mapping.tag_columns)}" if mapping.tag_columns else ""
+    tags += f", tiers = {mapping.tiers}" if mapping.tiers else ""
     notes = dict.fromkeys(note for file in files for note in file.read.notes)
     return [f"columns: {columns}{tags}", *notes]
 

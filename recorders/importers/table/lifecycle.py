@@ -78,7 +78,9 @@ def _outcome_of(ends: pl.DataFrame, outcomes: Mapping[str, str]) -> list[pl.Seri
     by_word = ends["word"].fill_null("").replace_strict(dict(outcomes), default="", return_dtype=pl.String)
     told = ends["outcome"].fill_null("")
     outcome = pl.select(pl.when(told != "").then(told).otherwise(by_word).alias("outcome")).to_series()
-    not_told = pl.select(pl.when(outcome == "").then(ends["not_told"]).alias("not_told")).to_series()
+    # where some words of events tell an outcome, what the others mean is not known
+    word = ends["word"] if (by_word != "").any() else pl.Series([None], dtype=pl.String).new_from_index(0, ends.height)
+    not_told = pl.select(pl.when(outcome == "").then(pl.coalesce(ends["not_told"], word)).alias("not_told")).to_series()
     return [outcome, not_told]
 
 

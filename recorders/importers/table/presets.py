@@ -63,7 +63,7 @@ def _fitting_table(content: Grid | Table, preset: MappingFile) -> Table | None:
             return None
         table = table_in(content, (), has_header=False)
         return table if len(table.names) == preset.n_columns and _begins_with_times(table, preset.mapping) else None
-    if not preset.columns:
+    if not preset.columns or (isinstance(content, Grid) and not content.has_header(preset.columns)):
         return None
     table = table_in(content, preset.columns)
     return table if set(preset.columns) <= set(table.names) else None

@@ -41,7 +41,7 @@ _NAMES: Final = {
         "outcome": "outcome result success succeeded successful status ok endstate",
         "reason": "reason error errormessage failurereason cause",
         "run": (
-            "run runid runname recipe session trial episode recording observationid caseid caseconceptname "
+            "run runid runname recipe session trial episode recording observationid caseid case caseconceptname "
             "experiment videoid stationname"
         ),
         "execution_id": "executionid execution conceptinstance instanceid uuid goalid",
@@ -81,6 +81,8 @@ def propose(table: Table, given: TableMapping) -> TableMapping:
     Raises:
         ImportDataError: a column that is needed is not there, or several could be it.
     """
+    if not table.sample.height:
+        raise ImportDataError(table.path, "no row below the names of the columns", "at least one", "check the file")
     guesser = _Guesser(table, given)
     mapping = given if given.run or given.tag_columns else _with_run(guesser, given)
     if not (given.start or given.end or given.duration) and (given.time or guesser.has_events()):

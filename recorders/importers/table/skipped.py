@@ -21,19 +21,17 @@ class Skip:
     reason: str
 
 
-def skip_diagnostics(path: Path, skips: Iterable[Skip]) -> list[Diagnostic]:
-    """Return a diagnostic per reason, with the lines of all its rows."""
+def skip_diagnostics(path: Path, skips: Sequence[Skip]) -> list[Diagnostic]:
+    """Return a diagnostic of all rows of a file that were skipped: by reason, with their lines."""
+    if not skips:
+        return []
     by_reason: dict[str, list[int]] = {}
     for skip in skips:
         by_reason.setdefault(skip.reason, []).append(skip.line)
-    return [
-        Diagnostic(
-            "skipped_row",
-            f"{counted(len(lines), 'row')} skipped: {reason}: {agree(len(lines), 'line', 'lines')} {lines_text(lines)}",
-            str(path),
-        )
-        for reason, lines in by_reason.items()
+    reasons = [
+        f"{reason} ({agree(len(lines), 'line', 'lines')} {lines_text(lines)})" for reason, lines in by_reason.items()
     ]
+    return [Diagnostic("skipped_row", f"{counted(len(skips), 'row')} skipped: {'; '.join(reasons)}", str(path))]
 
 
 def lines_text(lines: Sequence[int]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -65,12 +65,24 @@ class Grid:
     Attributes:
         path: of the file.
         rows: yields each row with its line.
+        head: its first rows that are filled.
         note: what was assumed when the file was opened; "" for nothing.
     """
 
     path: Path
     rows: Callable[[], Iterator[Row]]
+    head: Sequence[Row]
     note: str = ""
+
+    def has_header(self, names: Sequence[str]) -> bool:
+        """Return whether one of the first rows holds all of some names."""
+        return any(set(names).issubset(map(str.strip, row)) for _, row in self.head)
+
+
+def grid_of(path: Path, rows: Callable[[], Iterator[Row]], note: str = "") -> Grid:
+    """Return a grid with its first rows."""
+    head = [(line, row) for line, row in islice(rows(), _HEADER_ROWS) if any(map(str.strip, row))]
+    return Grid(path, rows, head, note)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,14 +123,14 @@ def table_of_grid(grid: Grid, header: Sequence[str], *, has_header: bool = True)
     def read(columns: Sequence[str]) -> Cells:
         return _cells(grid, layout, columns)
 
-    head = Grid(grid.path, lambda: islice(grid.rows(), layout.header_line + _SAMPLE_ROWS), grid.note)
-    sample = _cells(head, layout, names[:_SAMPLE_COLUMNS]).frame.drop(LINE)
+    top = replace(grid, rows=lambda: islice(grid.rows(), layout.header_line + _SAMPLE_ROWS))
+    sample = _cells(top, layout, names[:_SAMPLE_COLUMNS]).frame.drop(LINE)
     return Table(grid.path, names, sample, read, grid.note)
 
 
 def _header(grid: Grid, wanted: Sequence[str]) -> _Layout:
     """Return where the header is: the row that names the most of what is wanted, else the first that is filled."""
-    first_rows = [(line, row) for line, row in islice(grid.rows(), _HEADER_ROWS) if any(map(str.strip, row))]
+    first_rows = grid.head
     if not first_rows:
         raise ImportDataError(grid.path, "no row", "a table with a header", _NO_ROWS)
     names_wanted = set(wanted)
@@ -139,7 +151,7 @@ def _header(grid: Grid, wanted: Sequence[str]) -> _Layout:
 
 
 def _numbered(grid: Grid) -> _Layout:
-    first_rows = [row for _, row in islice(grid.rows(), _HEADER_ROWS) if any(row) and not _is_comment(row)]
+    first_rows = [row for _, row in grid.head if not _is_comment(row)]
     if not first_rows:
         raise ImportDataError(grid.path, "no row", "a table", _NO_ROWS)
     width = Counter(map(len, first_rows)).most_common(1)[0][0]

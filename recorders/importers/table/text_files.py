@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from hrclog.errors import ImportDataError
-from hrclog.recorders.importers.table.tables import Grid, Row
+from hrclog.recorders.importers.table.tables import Grid, Row, grid_of
 
 _MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -56,7 +56,7 @@ def text_grid(path: Path, data: bytes, encoding: str = "", delimiter: str = "") 
             yield line, row
             line = reader.line_num + 1
 
-    return Grid(path, rows, note)
+    return grid_of(path, rows, note)
 
 
 def decode_text(path: Path, data: bytes, encoding: str = "") -> tuple[str, str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hrclog.errors import HrclogError, ImportDataError
-from hrclog.recorders.importers.table.tables import Grid, Row
+from hrclog.recorders.importers.table.tables import Grid, Row, grid_of
 
 _BASE: Final = datetime(1899, 12, 31)  # noqa: DTZ001 - a cell has no zone; times without a date count from it
 _WITHOUT_DATE: Final = re.compile(r"(1899-12-3[01]|19[0-3]\d-\d\d-\d\d) (\d\d:\d\d:\d\d)(\.\d+)?")
@@ -50,7 +50,7 @@ def workbook_grid(path: Path, sheet: str = "") -> Grid:
         for line, row in enumerate(rows, 1):
             yield line, [_text(cell) for cell in row]
 
-    return Grid(path, grid_rows, others)
+    return grid_of(path, grid_rows, others)
 
 
 def _text(cell: Any) -> str:  # noqa: ANN401 - a text or None
