@@ -155,16 +155,29 @@ def _check_unchanged(path: Path, imported: pl.DataFrame) -> None:
     if set(existing["run_id"]) != {imported["run_id"][0]}:
         content, expected = "a log of another run", "no file, or the log of the same run"
         raise ImportDataError(path, content, expected, "use an empty folder")
+    if existing.equals(imported):
+        return
     remedy = "the source has changed since: import into an empty folder"
     if existing.height != imported.height:
         existing_count, expected_count = counted(existing.height, "event"), counted(imported.height, "event")
         raise ImportDataError(path, f"a log of {existing_count}", f"{expected_count} of this run", remedy)
-    for existing_row, imported_row in zip(existing.iter_rows(named=True), imported.iter_rows(named=True), strict=True):
-        name = next((name for name in COLUMNS if existing_row[name] != imported_row[name]), None)
+    known = {_event_key(row): row for row in existing.iter_rows(named=True)}
+    for row in imported.iter_rows(named=True):
+        event = f"{row['kind']} of {row['agent']!r}, {row['task']!r}" if row["agent"] else str(row["kind"])
+        before = known.get(_event_key(row))
+        if before is None:
+            raise ImportDataError(path, f"no {event}", f"it at {row['time_ns']} ns, as in the source", remedy)
+        name = next((name for name in COLUMNS if name != "seq" and before[name] != row[name]), None)
         if name is not None:
-            event = f"{imported_row['kind']} of {imported_row['agent']!r}, {imported_row['task']!r}"
-            found = f"{name} {existing_row[name]!r} in event {imported_row['seq']} ({event})"
-            raise ImportDataError(path, found, f"{imported_row[name]!r} as in the source", remedy)
+            found = f"{name} {before[name]!r} in event {before['seq']} ({event})"
+            raise ImportDataError(path, found, f"{row[name]!r} as in the source", remedy)
+
+
+def _event_key(row: Mapping[str, Any]) -> tuple[object, ...]:
+    """Return what an event of an import is known by: its execution, else its instant."""
+    instant = row["time_ns"] if not row["execution_id"] or row["kind"] not in ("task_started", "task_ended") else None
+    instant = None if row["kind"] in ("run_started", "run_ended") else instant
+    return row["kind"], row["execution_id"], row["reason"] if instant is not None else None, instant
 
 
 def _make_folder(folder: Path) -> None:

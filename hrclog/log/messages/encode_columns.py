@@ -27,6 +27,7 @@ from hrclog.log.messages.message import ENCAPSULATION, EVENTS, FIXED_DTYPE, UNSE
 
 _BLOCK: Final = 20_000  # rows that are laid out at once
 _NAMED: Final = ("agent", "task", "execution_id")
+_SPACES: Final = "".join(filter(str.isspace, map(chr, range(0x3001))))  # what `str.strip` takes off
 _HEAD: Final = len(ENCAPSULATION) + FIXED_DTYPE.itemsize
 
 
@@ -54,7 +55,7 @@ def check_columns(events: pl.DataFrame) -> None:
     allowed = [
         pl.col("time_ns").is_between(0, LATEST_NS).fill_null(value=False),
         *(pl.col(name).is_null() | pl.col(name).is_between(-LATEST_NS, LATEST_NS) for name in INT_COLUMNS),
-        *(~is_task | (pl.col(name).str.strip_chars() != "") for name in _NAMED),
+        *(~is_task | (pl.col(name).str.strip_chars(_SPACES) != "") for name in _NAMED),
         ~is_task | pl.col("role").is_in([role.value for role in Role]),
         ~(is_end | (kind == "run_ended"))
         | (is_end & (outcome == ""))

@@ -15,6 +15,7 @@ from hrclog.recorders.importers.table.columns import bind
 from hrclog.recorders.importers.table.executions import read_rows
 from hrclog.recorders.importers.table.files import open_file, table_in
 from hrclog.recorders.importers.table.first_row import first_row_text
+from hrclog.recorders.importers.table.instants import check_zone
 from hrclog.recorders.importers.table.mapping import (
     TableMapping,
     check_mapping,
@@ -120,6 +121,8 @@ class TableImporter(Importer):
         """
         given = from_options(_normal(options))
         check_mapping(given)
+        if given.timezone:
+            check_zone(given.timezone)
         files, diagnostics, mapping = _read_files(list(sources), given, options)
         save = options.get("save_map")
         if save is not None:

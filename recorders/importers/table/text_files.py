@@ -78,7 +78,7 @@ def decode_text(path: Path, data: bytes, encoding: str = "") -> tuple[str, str]:
             problem = f"bytes that are not {named} (byte {error.start})"
             raise ImportDataError(path, problem, f"text in {named}", "say which it is with --encoding") from error
         return _fallback_text(path, data)
-    if "\0" in text[:2000]:
+    if text[:2000].count("\0") > len(text[:2000]) // 20:
         raise ImportDataError(path, "a binary file", "CSV, TSV, JSON lines, Parquet, Arrow or XLSX")
     return text.removeprefix("\ufeff"), ""
 
