@@ -15,6 +15,7 @@ from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, Event
 from hrclog.file_names import file_stem
 from hrclog.ids import derived_id
+from hrclog.log.files.system import sync_folder
 from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_log
 from hrclog.log.writing.writer import pack_events, packed_bytes, write_log, write_packed
@@ -63,6 +64,7 @@ def import_files(
             logs.write(run, path)
             written.append(path)
         on_run(path)
+    sync_folder(folder)
     unchanged = [path for path in paths.values() if path in existing_paths]
     return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading)
 
