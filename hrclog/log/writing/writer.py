@@ -132,9 +132,9 @@ class PackedEvents:
             instant = self.instants[at]
             writer.add_raw(channel, instant, instant, self.numbers[at], self.data[at])
         self._add_lanes(writer, begin, end)
-        for at, facts in self.run_facts.items():
-            if begin <= at < end:
-                writer.metadata(RUN_METADATA, facts)
+        for at in range(begin, end):
+            if self.tasks[at][0] == RunStarted.kind:
+                writer.metadata(RUN_METADATA, self.run_facts[at])
 
     def _add_lanes(self, writer: FinishedWriter, begin: int, end: int) -> None:
         lanes, channel_of, texts = Lanes(), dict[str, int](), dict[str, bytes]()

@@ -59,8 +59,18 @@ _RUN_FACTS: Final = (  # noqa: SIM905
 """Facts of a run that together tell runs apart where nothing else does."""
 
 _USUAL_AGENTS: Final = {"robot", "human", "operator", "cobot", "worker", "r", "h"}
-_YES: Final = ("1", "true", "yes", "y", "ok", "pass", "passed", "done", "completed", "complete")
-_NO: Final = ("0", "false", "no", "n", "nok", "not ok", "fail", "error")
+_YES_NO: Final = (
+    ("1", "0"),
+    ("true", "false"),
+    ("yes", "no"),
+    ("y", "n"),
+    ("ok", "nok"),
+    ("ok", "not ok"),
+    ("ok", "error"),
+    ("pass", "fail"),
+    ("passed", "failed"),
+    ("done", "not done"),
+)
 _SIGNS: Final = re.compile(r"[\W_]+")
 _UNIT: Final = re.compile(r"\s*[\[(](?:s|ms|us|ns|sec|seconds)[\])]\s*$", re.IGNORECASE)
 _NEEDED: Final = {
@@ -199,8 +209,9 @@ def _with_outcome_words(table: Table, mapping: TableMapping) -> TableMapping:
     """Return a mapping that says what yes and no mean in a column of outcomes, unless the user said it."""
     if mapping.outcome is None or not mapping.outcome.column or mapping.ok or mapping.failed or mapping.canceled:
         return mapping
-    words = set(folded_words(table.read([mapping.outcome.column]).frame[mapping.outcome.column]).unique()) - {""}
-    ok, failed = ([word for word in listed if word in words] for listed in (_YES, _NO))
+    words = set(folded_words(table.sample[mapping.outcome.column]).unique()) - {""}
+    pairs = [pair for pair in _YES_NO if words & {*pair}]
+    ok, failed = ({pair[at]: None for pair in pairs} for at in (0, 1))
     if not words or not words <= {*ok, *failed, *OUTCOME_WORDS}:
         return mapping
     return replace(mapping, ok=tuple(ok), failed=tuple(failed))
