@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal
@@ -54,6 +55,40 @@ def import_files(
         return Imported([], [], foreign.n_executions, list(foreign.diagnostics), list(foreign.names), foreign.reading)
     paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
     logs = _PackedLogs(foreign.columns) if foreign.columns else _EventLogs(importer, foreign, sources)
+    written = _write_runs(paths, logs, folder, on_run)
+    unchanged = [path for path in paths.values() if path not in set(written)]
+    return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading)
+
+
+def write_packed_logs(
+    events: pl.DataFrame, spans: Mapping[str, tuple[int, int]], names: Mapping[str, str], folder: Path
+) -> list[Path]:
+    """Write one log per run from columns of events, and return the paths of all; one that exists is left alone.
+
+    Args:
+        events: an events frame, run after run, each numbered by `seq` from 0.
+        spans: where each run lies in it.
+        names: of the runs, for their files.
+        folder: where the logs go.
+
+    Raises:
+        ImportDataError: an existing log says something else than its run; then nothing is written.
+        OutputError: the folder cannot be made.
+    """
+    stems = {run: file_name("", names[run]) for run in spans}
+    counts = Counter(stems.values())
+    paths = {run: folder / f"{stem if counts[stem] == 1 else f'{stem}_{run}'}.mcap" for run, stem in stems.items()}
+    _write_runs(paths, _PackedLogs((events, spans)), folder)
+    return list(paths.values())
+
+
+def _write_runs(
+    paths: Mapping[str, Path],
+    logs: _PackedLogs | _EventLogs,
+    folder: Path,
+    on_run: Callable[[Path], None] = lambda _: None,
+) -> list[Path]:
+    """Write the logs that are not there, once all that are there are known to say the same; return those written."""
     existing_paths = {path for path in paths.values() if path.exists()}
     for run, path in paths.items():
         logs.check(run, path, exists=path in existing_paths)
@@ -65,8 +100,7 @@ def import_files(
             written.append(path)
         on_run(path)
     sync_folder(folder)
-    unchanged = [path for path in paths.values() if path in existing_paths]
-    return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading)
+    return written
 
 
 class _EventLogs:
@@ -99,7 +133,7 @@ class _PackedLogs:
 
     def check(self, run: str, path: Path, *, exists: bool) -> None:
         """Raise if the log that exists says something else; equal bytes need no decoding."""
-        if not exists or path.read_bytes() == packed_bytes(self._packed, *self._spans[run]):
+        if not exists or (path.is_file() and path.read_bytes() == packed_bytes(self._packed, *self._spans[run])):
             return
         _check_unchanged(path, self._events[slice(*self._spans[run])].select(COLUMNS))
 

@@ -32,8 +32,8 @@ from hrclog.recorders.importers.table.presets import (
     unfitting_error,
 )
 from hrclog.recorders.importers.table.proposal import propose
-from hrclog.recorders.importers.table.run_events import run_events
-from hrclog.recorders.importers.table.runs import TableFile, runs_of
+from hrclog.recorders.importers.table.run_events import RunEvents, run_events
+from hrclog.recorders.importers.table.runs import Runs, TableFile, runs_of
 from hrclog.recorders.importers.table.skipped import skip_diagnostics, skip_values
 from hrclog.recorders.importers.table.tables import Grid, Table
 from hrclog.wording import counted
@@ -127,14 +127,9 @@ class TableImporter(Importer):
         save = options.get("save_map")
         if save is not None:
             write_mapping(Path(save), mapping)
-        runs = runs_of(files)
+        runs, events, findings = events_of(files)
+        diagnostics += findings
         n_skipped = sum(map(len, runs.skips.values()))
-        for path, skips in runs.skips.items():
-            diagnostics += skip_diagnostics(path, skips)
-        diagnostics += [*(note for file in files for note in file.read.diagnostics), *runs.diagnostics]
-        if not runs.runs:
-            raise _nothing_left(files[0].path, diagnostics)
-        events = run_events(runs)
         first = first_row_text(runs)
         reading = Reading(
             f"{counted(n_skipped, 'row')} skipped; first row read as {first}",
@@ -156,6 +151,29 @@ class TableImporter(Importer):
             columns=(events.frame, spans),
             reading=reading,
         )
+
+
+def events_of(files: Sequence[TableFile]) -> tuple[Runs, RunEvents, list[Diagnostic]]:
+    """Return the runs of tables, their events, and what is remarkable.
+
+    Raises:
+        ImportDataError: no row is an execution.
+    """
+    runs = runs_of(files)
+    diagnostics = [finding for path, skips in runs.skips.items() for finding in skip_diagnostics(path, skips)]
+    diagnostics += [*(note for file in files for note in file.read.diagnostics), *runs.diagnostics]
+    if not runs.runs:
+        raise _nothing_left(files[0].path, diagnostics)
+    return runs, run_events(runs), diagnostics
+
+
+def with_proposal(table: Table, given: TableMapping) -> TableMapping:
+    """Return a mapping of a table that says all that is needed: what is given, and what the columns suggest.
+
+    Raises:
+        ImportDataError: what the columns mean is not plain.
+    """
+    return propose(table, given) if missing_roles(given) else given
 
 
 def _normal(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -210,9 +228,7 @@ def propose_for(path: Path, given: TableMapping, options: Mapping[str, Any]) -> 
         mapping = given
     known = [name for name in mapping.columns() if not name.startswith("#")]
     table = table_in(content, known, has_header=mapping.has_header)
-    if missing_roles(mapping) or mapping == given:
-        mapping = propose(table, mapping) if missing_roles(mapping) else mapping
-    return Proposed(path, table, mapping)
+    return Proposed(path, table, with_proposal(table, mapping))
 
 
 def _named_mapping(options: Mapping[str, Any]) -> list[Any]:
