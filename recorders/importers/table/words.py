@@ -71,7 +71,7 @@ def event_meanings(mapping: TableMapping) -> tuple[dict[str, str], dict[str, str
             "--ended": (END, mapping.ended),
             "--paused": (PAUSE, mapping.paused),
             "--resumed": (RESUME, mapping.resumed),
-            "--point": (POINT, mapping.points),
+            "--points": (POINT, mapping.points),
         }
     )
     outcomes = _EVENT_OUTCOMES | _explained(mapping)
