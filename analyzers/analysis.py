@@ -22,7 +22,7 @@ from hrclog.log.reader import Logs, read_logs
 
 
 def analyze(
-    paths: str | Path | Iterable[str | Path],
+    paths: str | Path | Iterable[str | Path] | Logs,
     estimator: EstimatorName = DEFAULT_ESTIMATOR,
     outliers: Outliers = "none",
     on_file: Callable[[Path], None] = lambda _: None,
@@ -36,7 +36,7 @@ def analyze(
     """Read logs, folders and globs, and analyse their runs.
 
     Args:
-        paths: what to read.
+        paths: what to read; or runs that were read, or made by `hrclog.from_table`.
         estimator: aft, bayes, ols or paper, one that was registered, or `package.module:NAME`.
         outliers: none or isolation-forest.
         on_file: called after each file, for progress.
@@ -53,15 +53,19 @@ def analyze(
         HrclogError: no event names an agent of `clocks`, or an offset is none.
     """
     names = _check_names(estimator, outliers)  # before the logs are read
-    paths = [paths] if isinstance(paths, str | Path) else paths
     return analyze_logs(
-        read_logs(paths, signals=True, on_file=on_file, clocks=clocks),
+        paths if isinstance(paths, Logs) else _read(paths, on_file, clocks),
         *names,
         bootstrap=bootstrap,
         seed=seed,
         workers=workers,
         on_draws=on_draws,
     )
+
+
+def _read(paths: str | Path | Iterable[str | Path], on_file: Callable[[Path], None], clocks: Clocks) -> Logs:
+    listed = [paths] if isinstance(paths, str | Path) else paths
+    return read_logs(listed, signals=True, on_file=on_file, clocks=clocks)
 
 
 def analyze_logs(

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from hrclog.planning.plan import Plan, make_plan, read_plan, write_plan
     from hrclog.planning.problem import Count, Problem, Task
     from hrclog.recorders.importers.importer import Foreign, Importer
+    from hrclog.recorders.importers.table.from_table import from_table, write_logs
     from hrclog.recorders.recorder import Recorder
     from hrclog.recorders.task_handle import TaskHandle
     from hrclog.sim.scenario import Scenario, load_scenario
@@ -62,6 +63,7 @@ _LAZY = {
     "compare": "hrclog.analyzers.comparison.compare",
     "durations": "hrclog.analyzers.projections.durations",
     "find_plan": "hrclog.analyzers.search.find",
+    "from_table": "hrclog.recorders.importers.table.from_table",
     "intervals": "hrclog.analyzers.projections.intervals",
     "load_scenario": "hrclog.sim.scenario",
     "make_plan": "hrclog.planning.plan",
@@ -74,6 +76,7 @@ _LAZY = {
     "register_estimator": "hrclog.analyzers.synergy.estimators",
     "replanner": "hrclog.analyzers.search.replan",
     "score": "hrclog.analyzers.prediction.from_logs",
+    "write_logs": "hrclog.recorders.importers.table.from_table",
     "write_plan": "hrclog.planning.plan",
 }
 
@@ -103,6 +106,7 @@ __all__ = [
     "compare",
     "durations",
     "find_plan",
+    "from_table",
     "intervals",
     "load_scenario",
     "make_plan",
@@ -115,6 +119,7 @@ __all__ = [
     "register_estimator",
     "replanner",
     "score",
+    "write_logs",
     "write_plan",
 ]
 

@@ -63,6 +63,12 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "implausible_time": ("warning", "a run began before 2000 or lasted longer than a week: a wrong unit or clock?"),
     "impossible_factor": ("warning", "an estimator gave a factor of 0 or less: the data do not support a factor there"),
     "unread_logs": ("warning", "logs lie beside or below those that were given, and were not read"),
+    "outcome_not_told": (
+        "warning",
+        "ends that tell no outcome, where others of their run or table do: they count as unknown",
+    ),
+    "outcome_assumed": ("warning", "no end of a run tells an outcome: its ended executions are counted as completed"),
+    "no_run_start": ("warning", "times count from the start of a run, and nothing tells when that was: it is 1970"),
     "single_outcome": ("warning", "every execution succeeded: failures may have been removed (survivorship)"),
     "no_run_id": (
         "warning",

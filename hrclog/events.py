@@ -44,7 +44,14 @@ CLOCK_SHIFT: Final = "clock_shift_ns"
 """Detail of a `run_started`: by how much the recorder's clock was behind the run's last event when the run went on."""
 
 UNKNOWN_OUTCOME: Final = "unknown"
-"""Outcome that a reader derives for an execution still open at the end of its log; never written."""
+"""Outcome that a reader derives for an execution that is still open at the end of its log, or that does not tell how it
+ended; never written."""
+
+COMPLETED: Final = "completed"
+"""Outcome that a reader derives for an execution that ended in a run that tells no outcome at all; never written."""
+
+OUTCOME_NOT_TOLD: Final = "outcome_not_told"
+"""Detail of a `task_ended` without outcome whose source tells outcomes, but not this one: what it says instead."""
 
 
 class Outcome(StrEnum):

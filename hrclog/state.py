@@ -75,16 +75,16 @@ def apply(state: ExecutionState, event: TaskFact) -> tuple[ExecutionState, str |
         case TaskResumed():
             return _close_pause(replace(state, phase=Phase.STARTED), event.time_ns), None
         case TaskEnded():
-            known = event.outcome in _OUTCOMES
+            is_valid = event.outcome in _OUTCOMES or not event.outcome  # an end may tell none
             ended = replace(
                 _close_pause(state, event.time_ns),
                 phase=Phase.ENDED,
                 agent=event.agent,
                 task=event.task,
                 end_ns=event.time_ns,
-                outcome=event.outcome if known else UNKNOWN_OUTCOME,
+                outcome=event.outcome if is_valid else UNKNOWN_OUTCOME,
             )
-            return ended, None if known else "invalid_outcome"
+            return ended, None if is_valid else "invalid_outcome"
     return state, None
 
 

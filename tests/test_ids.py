@@ -54,3 +54,9 @@ def test_a_derived_id_is_a_uuid_of_version_5_and_depends_on_nothing_but_its_part
 @given(st.lists(st.lists(st.text(max_size=3), max_size=3), unique_by=tuple, max_size=10))
 def test_different_parts_give_different_derived_ids(sources: list[list[str]]) -> None:
     assert len({derived_id(*parts) for parts in sources}) == len(sources)
+
+
+@given(st.lists(st.text(max_size=6), max_size=4))
+def test_a_derived_id_is_the_uuid5_of_its_parts(parts: list[str]) -> None:
+    text = "".join(f"{len(part)}:{part}" for part in parts)
+    assert derived_id(*parts) == str(uuid.uuid5(NAMESPACE, text))

@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import top_level
+from hrclog.analyzers.projections.intervals import is_success, top_level
 from hrclog.analyzers.synergy.pairs import in_seconds
 from hrclog.events import Outcome, Role
 
@@ -25,7 +25,7 @@ def duration_totals(intervals: pl.DataFrame) -> pl.DataFrame:
         intervals: a frame of schema `INTERVALS`.
     """
     length = pl.col("end_ns") - pl.col("start_ns")
-    return _seconds(_primary_intervals(intervals).filter(_is_success()), ["agent", "task"], length)
+    return _seconds(_primary_intervals(intervals).filter(is_success()), ["agent", "task"], length)
 
 
 def success_totals(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -34,8 +34,9 @@ def success_totals(intervals: pl.DataFrame) -> pl.DataFrame:
     Args:
         intervals: a frame of schema `INTERVALS`.
     """
-    judged = _primary_intervals(intervals).filter(_is_success() | pl.col("outcome").is_in(_FAILED))
-    return _totals(judged, ["agent", "task"], _is_success().cast(pl.Int64))
+    has_succeeded = pl.col("outcome") == Outcome.SUCCEEDED.value
+    judged = _primary_intervals(intervals).filter(has_succeeded | pl.col("outcome").is_in(_FAILED))
+    return _totals(judged, ["agent", "task"], has_succeeded.cast(pl.Int64))
 
 
 def plan_totals(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -48,7 +49,7 @@ def plan_totals(intervals: pl.DataFrame) -> pl.DataFrame:
         intervals: a frame of schema `INTERVALS`.
     """
     started = intervals.filter(top_level())
-    ended = started.filter(_is_success())
+    ended = started.filter(is_success())
     planned = pl.col("planned_end_ns") - pl.col("planned_start_ns")
     actual = pl.col("end_ns") - pl.col("start_ns")
     measures = (
@@ -99,7 +100,3 @@ def _totals(rows: pl.DataFrame, keys: list[str], value: pl.Expr) -> pl.DataFrame
 
 def _primary_intervals(intervals: pl.DataFrame) -> pl.DataFrame:
     return intervals.filter(pl.col("role") != Role.AUXILIARY.value)
-
-
-def _is_success() -> pl.Expr:
-    return (pl.col("outcome") == Outcome.SUCCEEDED.value) & pl.col("end_ns").is_not_null()

@@ -9,8 +9,9 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.figures.text import shorten
+from hrclog.analyzers.projections.intervals import is_success
 from hrclog.arrays import FloatArray
-from hrclog.events import Outcome, Role
+from hrclog.events import Role
 from hrclog.wording import counted
 
 MAX_BOXES: Final = 40
@@ -60,11 +61,7 @@ def duration_boxes(intervals: pl.DataFrame, max_boxes: int = MAX_BOXES) -> list[
         max_boxes: tasks drawn per plot; beyond it those executed most often.
     """
     samples = (
-        intervals.filter(
-            (pl.col("outcome") == Outcome.SUCCEEDED.value)
-            & (pl.col("role") != Role.AUXILIARY.value)
-            & pl.col("end_ns").is_not_null()
-        )
+        intervals.filter(is_success() & (pl.col("role") != Role.AUXILIARY.value))
         .select("agent", "task", ((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("seconds"))
         .group_by("agent", "task")
         .agg(pl.col("seconds").sort(), pl.len().alias("n"))

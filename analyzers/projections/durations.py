@@ -10,6 +10,7 @@ import polars as pl
 
 from hrclog.analyzers.projections.distributions import NAMES, fit_distributions
 from hrclog.analyzers.projections.frames import INTERVALS_FRAME, check_frame
+from hrclog.analyzers.projections.intervals import is_success
 from hrclog.analyzers.projections.schemas import DURATIONS
 from hrclog.events import UNKNOWN_OUTCOME, Outcome, Role
 
@@ -23,8 +24,9 @@ _RATES: Final = ("success_rate", "success_low", "success_high")
 def durations(intervals: pl.DataFrame) -> pl.DataFrame:
     """Summarise the durations of the executions that succeeded, and count the others.
 
+    Where a run tells no outcome at all, those that ended count as completed: their durations too, but no success rate.
     Executions still open when the log ended are right-censored: counted, never averaged in; so are those whose end
-    tells no outcome. Auxiliary ones are left out.
+    tells no outcome where others do. Auxiliary ones are left out.
 
     Args:
         intervals: a frame of schema `INTERVALS`.
@@ -37,7 +39,7 @@ def durations(intervals: pl.DataFrame) -> pl.DataFrame:
     """
     check_frame(intervals, INTERVALS_FRAME)
     outcome = pl.col("outcome")
-    succeeded = (outcome == Outcome.SUCCEEDED.value) & pl.col("end_ns").is_not_null()
+    succeeded = is_success()
     seconds = pl.col("seconds").filter(succeeded)
     rows = (
         intervals.filter(pl.col("role") != Role.AUXILIARY.value)
@@ -46,6 +48,7 @@ def durations(intervals: pl.DataFrame) -> pl.DataFrame:
         .group_by("agent", "task", maintain_order=True)
         .agg(
             succeeded.sum().alias("count"),
+            (outcome == Outcome.SUCCEEDED.value).sum().alias("told"),
             outcome.is_in(_FAILED).sum().alias("n_failed"),
             outcome.is_in(_CANCELED).sum().alias("n_canceled"),
             (outcome == UNKNOWN_OUTCOME).sum().alias("n_censored"),
@@ -62,7 +65,7 @@ def durations(intervals: pl.DataFrame) -> pl.DataFrame:
     fits = [fit_distributions(np.asarray(sample, np.float64)) for sample in rows["sample"]]
     rates = [
         dict(zip(_RATES, wilson(row[0], row[0] + row[1]), strict=True))
-        for row in rows.select("count", "n_failed").rows()
+        for row in rows.select("told", "n_failed").rows()
     ]
     extra = [fit | rate for fit, rate in zip(fits, rates, strict=True)]
     columns = pl.DataFrame(extra, schema=dict.fromkeys((*NAMES, *_RATES), pl.Float64))

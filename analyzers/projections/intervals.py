@@ -16,9 +16,10 @@ from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
-from hrclog.events import TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role
+from hrclog.events import COMPLETED, OUTCOME_NOT_TOLD, TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role
 from hrclog.log.reader import ORDER
 from hrclog.state import PLANNED, ExecutionState, apply
+from hrclog.wording import counted
 
 SORT: Final = ("run_id", "start_ns", "until_ns", "agent", "task", "execution_id")
 
@@ -81,8 +82,9 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
         .agg(pl.col("time_ns").max().alias("last_ns"))
     )
     rows = pl.concat([paired, folded, without_turned_ends(folded_by_seq)]).join(last, on="run_id", how="left")
-    rows = _add_until(rows)
-    return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), [*_invalid_details(ordered), *diagnostics]
+    rows, untold = _with_untold_outcomes(_add_until(rows), ordered)
+    diagnostics = [*_invalid_details(ordered), *diagnostics, *untold]
+    return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), diagnostics
 
 
 def _add_until(rows: pl.DataFrame) -> pl.DataFrame:
@@ -92,6 +94,37 @@ def _add_until(rows: pl.DataFrame) -> pl.DataFrame:
     open_until = pl.max_horizontal("start_ns", pl.min_horizontal("last_ns", "next_ns"))
     joined = rows.join(following, on=[*_LANE, "start_ns"], how="left", maintain_order="left")
     return joined.with_columns(pl.coalesce("end_ns", open_until).alias("until_ns"))
+
+
+def _with_untold_outcomes(rows: pl.DataFrame, events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
+    """Say what ends without an outcome count as: completed in runs that tell none at all, unknown in others."""
+    is_untold = pl.col("outcome") == ""
+    if not (rows["outcome"] == "").any():
+        return rows, []
+    ends = events.filter(pl.col("kind") == "task_ended")
+    tells = (pl.col("outcome") != "") | pl.col("details").str.contains(f'"{OUTCOME_NOT_TOLD}"', literal=True)
+    telling = ends.filter(tells)["run_id"].unique()
+    is_unknown = is_untold & pl.col("run_id").is_in(telling.implode())
+    counts = rows.select(is_unknown.sum().alias("unknown"), (is_untold & ~is_unknown).sum().alias("completed"))
+    n_unknown, n_completed = counts.row(0)
+    derived = pl.when(is_unknown).then(pl.lit(UNKNOWN_OUTCOME)).when(is_untold).then(pl.lit(COMPLETED))
+    return rows.with_columns(derived.otherwise("outcome").alias("outcome")), _untold_diagnostics(n_unknown, n_completed)
+
+
+def _untold_diagnostics(n_unknown: int, n_completed: int) -> list[Diagnostic]:
+    diagnostics: list[Diagnostic] = []
+    if n_unknown:
+        text = f"{counted(n_unknown, 'execution')} ended without an outcome, where others of the run have one"
+        diagnostics.append(Diagnostic("outcome_not_told", f"{text}: unknown, and left out of durations"))
+    if n_completed:
+        text = f"{counted(n_completed, 'execution')} ended in runs that tell no outcome at all"
+        diagnostics.append(Diagnostic("outcome_assumed", f"{text}: counted as completed"))
+    return diagnostics
+
+
+def is_success() -> pl.Expr:
+    """Return which intervals lasted as long as their task takes: they succeeded, or ended where no outcome is told."""
+    return pl.col("outcome").is_in((Outcome.SUCCEEDED.value, COMPLETED)) & pl.col("end_ns").is_not_null()
 
 
 def is_counted() -> pl.Expr:
@@ -118,7 +151,7 @@ def _find_regular_keys(task_events: pl.DataFrame) -> pl.DataFrame:
         (ended.first().is_null() | (ended.first() > started.first())).alias("ends_later"),
         (dispatched.first().is_null() | (dispatched.first() < started.first())).alias("dispatched_before"),
         ((pl.col("agent").n_unique() == 1) & (pl.col("task").n_unique() == 1)).alias("same"),
-        (pl.col("outcome").filter(kind == "task_ended").is_in(_OUTCOMES).all()).alias("known"),
+        (pl.col("outcome").filter(kind == "task_ended").is_in((*_OUTCOMES, "")).all()).alias("known"),
         ((pl.col("agent") != "") & (pl.col("task") != "")).all().alias("named"),
     )
     flags = ("once", "plain", "ends_later", "dispatched_before", "same", "known", "named")
@@ -221,7 +254,7 @@ def _outcome(state: ExecutionState) -> dict[str, Any]:
     return {
         "start_ns": state.start_ns,
         "end_ns": state.end_ns,
-        "outcome": state.outcome or UNKNOWN_OUTCOME,
+        "outcome": state.outcome if state.end_ns is not None else UNKNOWN_OUTCOME,
         "paused_ns": state.paused_ns,
     }
 

@@ -25,7 +25,7 @@ INTERVALS: Final = pl.Schema(
         "start_ns": pl.Int64,
         "end_ns": pl.Int64,  # null while open
         "until_ns": pl.Int64,  # end_ns; of an open execution its agent's next start, else its run's last sign of life
-        "outcome": pl.String,  # succeeded | failed | canceled | skipped | timed_out | unknown
+        "outcome": pl.String,  # succeeded | failed | canceled | skipped | timed_out | unknown | completed
         "reason": pl.String,
         "paused_ns": pl.Int64,  # part of the interval, kept beside it
         "planned_start_ns": pl.Int64,

@@ -130,6 +130,9 @@ def _failures(durations: pl.DataFrame, diagnostics: Iterable[Diagnostic]) -> Ite
     ending_texts = [
         f"{int(durations[name].sum()):,} {what}" for name, what in _ENDINGS.items() if durations[name].sum()
     ]
+    if any(diagnostic.code == "outcome_assumed" for diagnostic in diagnostics) and not durations["n_failed"].sum():
+        yield Finding("The logs tell no outcome: executions that ended are counted as completed.")
+        return
     if not ending_texts:
         all_of = "The only execution of a main task" if total == 1 else f"All {total:,} executions of main tasks"
         is_suspicious = any(diagnostic.code == "single_outcome" for diagnostic in diagnostics)

@@ -7,10 +7,9 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import is_counted
+from hrclog.analyzers.projections.intervals import is_counted, is_success
 from hrclog.analyzers.projections.overlaps import PAIR, overlaps, task_pairs
 from hrclog.analyzers.projections.schemas import OVERLAPS, SYNERGIES
-from hrclog.events import Outcome
 
 SPARSE_BELOW: Final = 5
 """Pairs of executions of which the first succeeded."""
@@ -36,7 +35,7 @@ def successful(intervals: pl.DataFrame) -> pl.DataFrame:
 
 def is_finished() -> pl.Expr:
     """Return which intervals ended in success, so that they lasted as long as their task takes."""
-    return (pl.col("outcome") == Outcome.SUCCEEDED.value) & pl.col("end_ns").is_not_null()
+    return is_success()
 
 
 def in_seconds(ns: pl.Expr) -> pl.Expr:

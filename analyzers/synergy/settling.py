@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from hrclog.analyzers.projections.intervals import is_success
 from hrclog.analyzers.projections.mean_interval import half_width
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.projections.schemas import SETTLING, SETTLING_DURATIONS, SYNERGIES
@@ -17,7 +18,7 @@ from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import Observations, observe
 from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
-from hrclog.events import Outcome, Role
+from hrclog.events import Role
 
 MOST_STEPS: Final = 8
 
@@ -84,7 +85,7 @@ def settle_durations(intervals: pl.DataFrame, runs: pl.DataFrame, most: int = MO
     order = runs.sort("start_ns", "run_id", nulls_last=True)["run_id"].to_list()
     primary = intervals.filter(pl.col("role") != Role.AUXILIARY.value)
     tasks = primary.select("agent", "task").unique().sort("agent", "task")
-    succeeded = primary.filter((pl.col("outcome") == Outcome.SUCCEEDED.value) & pl.col("end_ns").is_not_null())
+    succeeded = primary.filter(is_success())
     samples = succeeded.select(
         "run_id", "agent", "task", ((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("seconds")
     ).sort("agent", "task", "seconds")

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from hrclog.cli.common import Progress, echo, echo_lines, print_json, table, tell
-from hrclog.recorders.importers.importer import Importer, Option, Remark
+from hrclog.recorders.importers.importer import Imported, Importer, Option, Remark
 from hrclog.recorders.importers.importers import IMPORTERS
 from hrclog.wording import counted
 
@@ -44,6 +44,7 @@ def _command(importer: Importer) -> click.Command:
             click.Argument(["sources"], nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)),
             click.Option(["-o", "--output"], type=click.Path(path_type=Path), help="Folder for the logs."),
             *map(_option, importer.options),
+            *([_DRY_RUN] if importer.may_only_show else []),
             click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output."),
         ],
     )
@@ -59,18 +60,38 @@ def _option(option: Option) -> click.Option:
     )
 
 
+def _answer(imported: Imported, folder: Path | None) -> list[str]:
+    """Return the lines that say what was imported; without a folder, what would be."""
+    counts = f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}"
+    reading = imported.reading
+    logs = (
+        "no log written: -o FOLDER writes them"
+        if folder is None
+        else f"{counted(len(imported.written), 'log')} written to {folder}, {len(imported.unchanged)} there already"
+    )
+    if not reading.text:
+        return [f"{counts}: {logs}"]
+    return [f"{counts}; {reading.text}", *reading.lines.splitlines(), logs]
+
+
+_DRY_RUN = click.Option(["--dry-run"], is_flag=True, help="Say what would be imported, and write no log.")
+
+
 def _callback(importer: Importer) -> Any:
-    def run(sources: Sequence[Path], output: Path | None, as_json: bool, **options: Any) -> int:
+    def run(
+        sources: Sequence[Path], output: Path | None, as_json: bool, *, dry_run: bool = False, **options: Any
+    ) -> int:
         from hrclog.recorders.importers.writing import import_files
 
         preview = importer.preview(sources, **options)
         if preview is not None:
             _show(preview, as_json=as_json)
             return 0
-        if output is None:
+        if output is None and not importer.may_only_show:
             raise click.MissingParameter(param_hint="'-o' / '--output'", param_type="option")
         importing = Progress("importing runs")
-        imported = import_files(importer, sources, output, importing, **options)
+        folder = None if dry_run else output
+        imported = import_files(importer, sources, folder, importing, **options)
         importing.done()
         remark = importer.remark(imported, **options)
         if as_json:
@@ -80,15 +101,14 @@ def _callback(importer: Importer) -> Any:
                     "n_executions": imported.n_executions,
                     "written": [str(path) for path in imported.written],
                     "unchanged": [str(path) for path in imported.unchanged],
+                    **imported.reading.values,
                     **remark.values,
                     "diagnostics": [diagnostic.as_dict() for diagnostic in imported.diagnostics],
                 }
             )
         else:
-            echo(
-                f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}: "
-                f"{counted(len(imported.written), 'log')} written to {output}, {len(imported.unchanged)} there already"
-            )
+            for line in _answer(imported, folder):
+                echo(line)
             _show(remark)
         return tell(imported.diagnostics)
 

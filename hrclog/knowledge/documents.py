@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.events import Outcome
+from hrclog.events import COMPLETED, Outcome
 from hrclog.knowledge.properties import TaskProperties
 from hrclog.knowledge.tables import TASK_RESULTS
 from hrclog.knowledge.view import RunEntry
@@ -118,7 +118,7 @@ def _result_document(row: dict[str, Any], recipe: str, zero: int) -> Document:
         "_id": _object_id("result", row["run_id"], row["execution_id"]),
         "name": row["task"],
         "type": row["task_type"],
-        "outcome": int(row["outcome"] == Outcome.SUCCEEDED),
+        "outcome": int(row["outcome"] in (Outcome.SUCCEEDED, COMPLETED)),
         "duration_planned": row["planned_duration_s"],
         "duration_real": (until - row["start_ns"]) / 1e9,
         "planning_time": row["planning_time_s"],

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import Event
 
-if TYPE_CHECKING:  # encoding costs the import of polars, and importers are listed by `--help`
+if TYPE_CHECKING:  # these cost the import of polars, and importers are listed by `--help`
+    import polars as pl
+
     from hrclog.log.messages.encode import Signal
 
 
@@ -35,6 +37,15 @@ class Option:
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """How files were read: what follows the counts of runs and executions, lines for people, and values for JSON."""
+
+    text: str = ""
+    lines: str = ""
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Foreign:
     """What the files of another system hold.
 
@@ -44,6 +55,9 @@ class Foreign:
         n_executions: how many executions all runs hold.
         diagnostics: what could not be taken over, and why.
         signals: returns the samples of a run by its name, in order of time.
+        columns: the events of all runs as columns, where they are at hand: an events frame in order, and where each run
+            lies in it. They are written faster, and equal what `events` returns.
+        reading: what is to be said of how the files were read.
     """
 
     names: Sequence[str]
@@ -51,6 +65,8 @@ class Foreign:
     n_executions: int = 0
     diagnostics: Sequence[Diagnostic] = ()
     signals: Callable[[str], Sequence[Signal]] = lambda _: ()
+    columns: tuple[pl.DataFrame, Mapping[str, tuple[int, int]]] | None = None
+    reading: Reading = field(default_factory=Reading)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +78,7 @@ class Imported:
     n_executions: int = 0
     diagnostics: list[Diagnostic] = field(default_factory=list)
     runs: list[str] = field(default_factory=list)
+    reading: Reading = field(default_factory=Reading)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +102,7 @@ class Importer(ABC):
         description: what follows it in the help.
         example: a command line.
         options: those it has beside the files and the folder.
+        may_only_show: whether it can say what it would import, without a folder.
     """
 
     name: ClassVar[str]
@@ -92,6 +110,7 @@ class Importer(ABC):
     description: ClassVar[str] = ""
     example: ClassVar[str] = ""
     options: ClassVar[tuple[Option, ...]] = ()
+    may_only_show: ClassVar[bool] = False
 
     @abstractmethod
     def read(self, sources: Sequence[Path], **options: Any) -> Foreign:  # noqa: ANN401 - what its options hold

@@ -13,5 +13,9 @@ IMPORTERS: Final[Registry[Importer]] = Registry(
     "importer",
     "hrclog.importers",
     "hrclog.recorders.importers.importer:Importer",
-    {"bag": "hrclog.recorders.importers.bag:Bag", "mongo": "hrclog.recorders.importers.mongo:Mongo"},
+    {
+        "bag": "hrclog.recorders.importers.bag:Bag",
+        "mongo": "hrclog.recorders.importers.mongo:Mongo",
+        "table": "hrclog.recorders.importers.table.importer:TableImporter",
+    },
 )

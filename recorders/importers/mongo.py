@@ -150,7 +150,8 @@ def _execution_events(
         planned_duration_s=finite_number(row, "duration_planned"),
         planning_time_s=finite_number(row, "planning_time"),
         path_length=finite_number(row, "path_length"),
-        details={name: row[name] for name in _KEPT_IN_DETAILS if _is_json_value(row.get(name))},
+        details={name: row[name] for name in _KEPT_IN_DETAILS if _is_json_value(row.get(name))}
+        | outcomes.not_told(row),
         **identity,
     )
     return started, ended

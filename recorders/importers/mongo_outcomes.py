@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
-from hrclog.events import UNKNOWN_OUTCOME, Outcome
+from hrclog.events import OUTCOME_NOT_TOLD, UNKNOWN_OUTCOME, Outcome
 from hrclog.wording import counted
 
 UNSET: Final = ""
@@ -58,6 +58,12 @@ class Outcomes:
         if self.of(row) == Outcome.SUCCEEDED:
             return ""
         return "no outcome" if _is_missing(row) else f"outcome {_shown(row['outcome'])}"
+
+    def not_told(self, row: Mapping[str, Any]) -> dict[str, str]:
+        """Return the detail that marks a row as one of unknown outcome, among others that tell theirs."""
+        if self.of(row) != UNSET:
+            return {}
+        return {OUTCOME_NOT_TOLD: "" if _is_missing(row) else _shown(row["outcome"])}
 
     def diagnostics(self, rows: Iterable[tuple[Path, Mapping[str, Any]]]) -> list[Diagnostic]:
         """Return the values of unknown meaning, how often each is there, and what was made of it."""

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal
 from pathlib import Path
 from typing import Any, Final
+
+import polars as pl
 
 from hrclog.errors import HrclogError, ImportDataError, OutputError
 from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, Event
 from hrclog.file_names import file_stem
 from hrclog.ids import derived_id
+from hrclog.log.files.system import sync_folder
 from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_log
-from hrclog.log.writing.writer import write_log
+from hrclog.log.writing.writer import pack_events, packed_bytes, write_log, write_packed
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted
@@ -27,7 +31,7 @@ _LONGEST_NAME: Final = 120  # bytes; file systems take 255, and a log grows a su
 def import_files(
     importer: Importer,
     sources: Sequence[Path],
-    folder: Path,
+    folder: Path | None,
     on_run: Callable[[Path], None] = lambda _: None,
     **options: Any,  # noqa: ANN401 - what the importer's options hold
 ) -> Imported:
@@ -36,7 +40,7 @@ def import_files(
     Args:
         importer: reads the sources.
         sources: files of the other system.
-        folder: where the logs go.
+        folder: where the logs go; None to read the sources and write nothing.
         on_run: called after each run, for progress.
         options: of the importer; those that are not given have their defaults.
 
@@ -47,21 +51,95 @@ def import_files(
     """
     all_options = {option.name: option.default for option in importer.options} | options
     foreign = _read_sources(importer, sources, all_options)
+    if folder is None:
+        return Imported([], [], foreign.n_executions, list(foreign.diagnostics), list(foreign.names), foreign.reading)
     paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
+    logs = _PackedLogs(foreign.columns) if foreign.columns else _EventLogs(importer, foreign, sources)
+    written = _write_runs(paths, logs, folder, on_run)
+    unchanged = [path for path in paths.values() if path not in set(written)]
+    return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading)
+
+
+def write_packed_logs(
+    events: pl.DataFrame, spans: Mapping[str, tuple[int, int]], names: Mapping[str, str], folder: Path
+) -> list[Path]:
+    """Write one log per run from columns of events, and return the paths of all; one that exists is left alone.
+
+    Args:
+        events: an events frame, run after run, each numbered by `seq` from 0.
+        spans: where each run lies in it.
+        names: of the runs, for their files.
+        folder: where the logs go.
+
+    Raises:
+        ImportDataError: an existing log says something else than its run; then nothing is written.
+        OutputError: the folder cannot be made.
+    """
+    stems = {run: file_name("", names[run]) for run in spans}
+    counts = Counter(stems.values())
+    paths = {run: folder / f"{stem if counts[stem] == 1 else f'{stem}_{run}'}.mcap" for run, stem in stems.items()}
+    _write_runs(paths, _PackedLogs((events, spans)), folder)
+    return list(paths.values())
+
+
+def _write_runs(
+    paths: Mapping[str, Path],
+    logs: _PackedLogs | _EventLogs,
+    folder: Path,
+    on_run: Callable[[Path], None] = lambda _: None,
+) -> list[Path]:
+    """Write the logs that are not there, once all that are there are known to say the same; return those written."""
     existing_paths = {path for path in paths.values() if path.exists()}
     for run, path in paths.items():
-        events = _run_events(importer, foreign, run, sources)
-        if path in existing_paths:
-            _check_unchanged(path, events)
+        logs.check(run, path, exists=path in existing_paths)
     _make_folder(folder)
     written: list[Path] = []
     for run, path in paths.items():
         if path not in existing_paths:
-            write_log(path, _run_events(importer, foreign, run, sources), foreign.signals(run))
+            logs.write(run, path)
             written.append(path)
         on_run(path)
-    unchanged = [path for path in paths.values() if path in existing_paths]
-    return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths))
+    sync_folder(folder)
+    return written
+
+
+class _EventLogs:
+    """Logs of runs whose events come one by one."""
+
+    def __init__(self, importer: Importer, foreign: Foreign, sources: Sequence[Path]) -> None:
+        self._importer, self._foreign, self._sources = importer, foreign, sources
+
+    def _events(self, run: str) -> Sequence[Event]:
+        return _run_events(self._importer, self._foreign, run, self._sources)
+
+    def check(self, run: str, path: Path, *, exists: bool) -> None:
+        """Raise if the events of a run are none, or the log that exists says something else."""
+        events = self._events(run)
+        if exists:
+            rows = [to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]
+            _check_unchanged(path, frame_of_rows(rows).select(COLUMNS))
+
+    def write(self, run: str, path: Path) -> None:
+        """Write the log of a run."""
+        write_log(path, self._events(run), self._foreign.signals(run))
+
+
+class _PackedLogs:
+    """Logs of runs whose events are columns."""
+
+    def __init__(self, columns: tuple[pl.DataFrame, Mapping[str, tuple[int, int]]]) -> None:
+        self._events, self._spans = columns
+        self._packed = pack_events(self._events)
+
+    def check(self, run: str, path: Path, *, exists: bool) -> None:
+        """Raise if the log that exists says something else; equal bytes need no decoding."""
+        if not exists or (path.is_file() and path.read_bytes() == packed_bytes(self._packed, *self._spans[run])):
+            return
+        _check_unchanged(path, self._events[slice(*self._spans[run])].select(COLUMNS))
+
+    def write(self, run: str, path: Path) -> None:
+        """Write the log of a run."""
+        write_packed(path, self._packed, *self._spans[run])
 
 
 def file_name(source: str, run: str) -> str:
@@ -108,24 +186,34 @@ def _run_events(importer: Importer, foreign: Foreign, run: str, sources: Sequenc
     return events
 
 
-def _check_unchanged(path: Path, events: Sequence[Event]) -> None:
+def _check_unchanged(path: Path, imported: pl.DataFrame) -> None:
     existing = read_log(path).events.sort("seq").select(COLUMNS)
-    if set(existing["run_id"]) != {events[0].run_id}:
+    if set(existing["run_id"]) != {imported["run_id"][0]}:
         content, expected = "a log of another run", "no file, or the log of the same run"
         raise ImportDataError(path, content, expected, "use an empty folder")
+    if existing.equals(imported):
+        return
     remedy = "the source has changed since: import into an empty folder"
-    if existing.height != len(events):
-        existing_count, expected_count = counted(existing.height, "event"), counted(len(events), "event")
+    if existing.height != imported.height:
+        existing_count, expected_count = counted(existing.height, "event"), counted(imported.height, "event")
         raise ImportDataError(path, f"a log of {existing_count}", f"{expected_count} of this run", remedy)
-    imported = frame_of_rows([to_row(replace(event, seq=seq)) for seq, event in enumerate(events)]).select(COLUMNS)
-    for seq, (existing_row, imported_row) in enumerate(zip(existing.rows(), imported.rows(), strict=True)):
-        if existing_row != imported_row:
-            name, existing_value, imported_value = next(
-                column for column in zip(COLUMNS, existing_row, imported_row, strict=True) if column[1] != column[2]
-            )
-            raise ImportDataError(
-                path, f"{name} {existing_value!r} in event {seq}", f"{imported_value!r} as in the source", remedy
-            )
+    known = {_event_key(row): row for row in existing.iter_rows(named=True)}
+    for row in imported.iter_rows(named=True):
+        event = f"{row['kind']} of {row['agent']!r}, {row['task']!r}" if row["agent"] else str(row["kind"])
+        before = known.get(_event_key(row))
+        if before is None:
+            raise ImportDataError(path, f"no {event}", f"it at {row['time_ns']} ns, as in the source", remedy)
+        name = next((name for name in COLUMNS if name != "seq" and before[name] != row[name]), None)
+        if name is not None:
+            found = f"{name} {before[name]!r} in event {before['seq']} ({event})"
+            raise ImportDataError(path, found, f"{row[name]!r} as in the source", remedy)
+
+
+def _event_key(row: Mapping[str, Any]) -> tuple[object, ...]:
+    """Return what an event of an import is known by: its execution, else its instant."""
+    instant = row["time_ns"] if not row["execution_id"] or row["kind"] not in ("task_started", "task_ended") else None
+    instant = None if row["kind"] in ("run_started", "run_ended") else instant
+    return row["kind"], row["execution_id"], row["reason"] if instant is not None else None, instant
 
 
 def _make_folder(folder: Path) -> None:

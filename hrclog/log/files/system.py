@@ -59,8 +59,13 @@ def sync_folder(folder: Path) -> None:
         os.close(fd)
 
 
-def replace_atomically(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
+def replace_atomically(path: Path, fill: Callable[[IO[bytes]], object], *, sync_names: bool = True) -> None:
     """Let `fill` write a hidden file, sync it, and rename it to `path`: it is there whole, or not at all.
+
+    Args:
+        path: the file.
+        fill: writes its bytes.
+        sync_names: whether the name, too, survives a crash at once; who writes many files may call `sync_folder` once.
 
     Raises:
         LogWriteError: the file cannot be written.
@@ -72,7 +77,8 @@ def replace_atomically(path: Path, fill: Callable[[IO[bytes]], object]) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         temporary.replace(path)
-        sync_folder(path.parent)
+        if sync_names:
+            sync_folder(path.parent)
     except OSError as error:
         reason = f"cannot be written ({error.strerror})"
         raise LogWriteError(path, reason, "choose a folder that can be written") from error

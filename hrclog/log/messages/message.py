@@ -31,9 +31,9 @@ EVENTS: Final = pl.Schema(
 )
 """Columns of an events frame: the message's, when it was written, and the file it came from."""
 
-_ENCAPSULATION: Final = b"\x00\x01\x00\x00"  # CDR, little endian
+ENCAPSULATION: Final = b"\x00\x01\x00\x00"  # CDR, little endian
 _FIXED: Final = struct.Struct("<IIq4q4d")
-_FIXED_DTYPE: Final = np.dtype(
+FIXED_DTYPE: Final = np.dtype(
     [("schema_version", "<u4"), ("attempt", "<u4"), ("seq", "<i8")]
     + [(name, "<i8") for name in INT_COLUMNS]
     + [(name, "<f8") for name in FLOAT_COLUMNS]
@@ -51,7 +51,7 @@ def encode_row(row: Mapping[str, Any]) -> bytes:
     try:
         ints = [UNSET_INT if row[name] is None else row[name] for name in INT_COLUMNS]
         floats = [math.nan if row[name] is None else row[name] for name in FLOAT_COLUMNS]
-        parts = [_ENCAPSULATION, _FIXED.pack(row["schema_version"], row["attempt"], row["seq"], *ints, *floats)]
+        parts = [ENCAPSULATION, _FIXED.pack(row["schema_version"], row["attempt"], row["seq"], *ints, *floats)]
         for name in STRING_COLUMNS:
             text = row[name].encode()
             size = len(text) + 1
@@ -78,15 +78,15 @@ def decode_columns(data: bytes, starts: IntArray, ends: IntArray) -> tuple[pl.Da
     padding = np.zeros(_FIXED.size, np.uint8)  # so that no gather reads past the end
     raw = np.concatenate([np.frombuffer(data, np.uint8, last - first, first), padding])
     starts, ends = starts - first, ends - first
-    valid = ends - starts >= len(_ENCAPSULATION) + _FIXED.size
+    valid = ends - starts >= len(ENCAPSULATION) + _FIXED.size
     valid[valid] &= (_gather(raw, starts[valid], 2) == (0, 1)).all(axis=1)
-    bodies = starts + len(_ENCAPSULATION)
+    bodies = starts + len(ENCAPSULATION)
     positions = bodies + _FIXED.size
     spans: list[tuple[IntArray, IntArray]] = []
     for _ in STRING_COLUMNS:
         positions, begin, length = _next_string(raw, bodies, positions, ends, valid)
         spans.append((begin, length))
-    fixed = _gather(raw, bodies[valid], _FIXED.size).view(_FIXED_DTYPE)[:, 0]
+    fixed = _gather(raw, bodies[valid], _FIXED.size).view(FIXED_DTYPE)[:, 0]
     columns = {name: pl.Series(name, np.ascontiguousarray(fixed[name])) for name in fixed.dtype.names or ()}
     for name, (begin, length) in zip(STRING_COLUMNS, spans, strict=True):
         columns[name] = _strings(name, raw, begin[valid], length[valid])

@@ -19,13 +19,19 @@ class Lanes:
 
     def after(self, event: Event, log_time: int) -> list[Message]:
         """Return the lane messages that an event causes."""
-        if isinstance(event, TaskStarted):
-            self.begin(event)
-        elif not isinstance(event, TaskEnded) or not self._finish(event):
+        if not isinstance(event, TaskFact):
             return []
-        label = next(reversed(self._active[event.agent].values()), "")
+        label = self.label_after(event.kind, event.agent, event.task, event.execution_id)
+        if label is None:
+            return []
         text = channels.encode_string(label)
         return [Message(channels.lane(event.agent), max(log_time, 0), max(event.time_ns, 0), text)]
 
-    def _finish(self, event: TaskEnded) -> bool:
-        return self._active.get(event.agent, {}).pop(event.execution_id, None) is not None
+    def label_after(self, kind: str, agent: str, task: str, execution_id: str) -> str | None:
+        """Return what the agent's lane shows after an event of an execution, None where it stays as it was."""
+        active = self._active.setdefault(agent, {})
+        if kind == TaskStarted.kind:
+            active[execution_id] = task
+        elif kind != TaskEnded.kind or active.pop(execution_id, None) is None:
+            return None
+        return next(reversed(active.values()), "")

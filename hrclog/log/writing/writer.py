@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import io
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import IO, Final
 
-from mcap.writer import Writer as McapWriter
+import polars as pl
 
 from hrclog.errors import LogExistsError
-from hrclog.events import Event, RunStarted
+from hrclog.event_rows import from_row
+from hrclog.events import Event, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.files.system import exists, replace_atomically
 from hrclog.log.mcap.attachments import Attachment
 from hrclog.log.messages import channels
+from hrclog.log.messages.channels import ChannelSpec
 from hrclog.log.messages.encode import Message, Signal, event_message, run_metadata, signal_message
+from hrclog.log.messages.encode_columns import encode_columns
+from hrclog.log.writing.finished import McapFile
 from hrclog.log.writing.journal import LIBRARY
 from hrclog.log.writing.lanes import Lanes
 
@@ -24,6 +29,7 @@ RUN_METADATA: Final = "hrclog.run"
 
 _CHUNK_SIZE: Final = 1 << 16  # damage costs a chunk
 _TIMES: Final = 1 << 64  # how many the format has
+_SHOWN_BY_LANES: Final = (TaskStarted.kind, TaskEnded.kind)
 
 
 class FinishedWriter:
@@ -34,19 +40,23 @@ class FinishedWriter:
     """
 
     def __init__(self, stream: IO[bytes]) -> None:
-        self._writer = McapWriter(stream, chunk_size=_CHUNK_SIZE, enable_data_crcs=True)
-        self._writer.start(profile=channels.PROFILE, library=LIBRARY)
+        self._writer = McapFile(stream, _CHUNK_SIZE)
+        self._writer.start(channels.PROFILE, LIBRARY)
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[object, int] = {}
 
     def add(self, message: Message) -> None:
         """Add a message."""
-        channel = self._channels.get(message.channel)
+        channel = self.channel_of(message.channel)
+        self._writer.add_message(channel, message.log_time, message.data, message.publish_time, message.sequence)
+
+    def channel_of(self, spec: ChannelSpec) -> int:
+        """Return the id of a channel, registering it and its schema at its first use."""
+        channel = self._channels.get(spec)
         if channel is None:
-            spec = message.channel
             schema = self.schema(spec.type_name, channels.SCHEMA_ENCODING, spec.definition)
             channel = self.channel(spec, spec.topic, channels.CDR, schema, dict(spec.metadata))
-        self._writer.add_message(channel, message.log_time, message.data, message.publish_time, message.sequence)
+        return channel
 
     def schema(self, name: str, encoding: str, data: bytes) -> int:
         """Return the id of a schema, registering it at its first use."""
@@ -76,7 +86,7 @@ class FinishedWriter:
 
     def finish(self) -> None:
         """Write indexes and summary."""
-        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves it untyped
+        self._writer.finish()
 
 
 def write_log(path: Path, events: Iterable[Event], signals: Iterable[Signal] = ()) -> None:
@@ -111,8 +121,92 @@ def write_log(path: Path, events: Iterable[Event], signals: Iterable[Signal] = (
     write_atomically(path, fill)
 
 
-def write_atomically(path: Path, fill: Callable[[FinishedWriter], None]) -> None:
+@dataclass(frozen=True, slots=True)
+class PackedEvents:
+    """Events of many runs as they will be written, a list per field: so that a short log costs no frame of its own."""
+
+    data: list[bytes]
+    instants: list[int]
+    numbers: list[int]
+    tasks: list[tuple[str, str, str, str]]  # kind, agent, task, execution_id
+    run_facts: dict[int, dict[str, str]]  # metadata of runs, by the position of their `run_started`
+
+    def fill(self, writer: FinishedWriter, begin: int, end: int) -> None:
+        """Add the events of a part to a log, as `write_log` does."""
+        channel = writer.channel_of(channels.EVENTS) if end > begin else 0
+        for at in range(begin, end):
+            instant = self.instants[at]
+            writer.add_raw(channel, instant, instant, self.numbers[at], self.data[at])
+        self._add_lanes(writer, begin, end)
+        for at in range(begin, end):
+            if self.tasks[at][0] == RunStarted.kind:
+                writer.metadata(RUN_METADATA, self.run_facts[at])
+
+    def _add_lanes(self, writer: FinishedWriter, begin: int, end: int) -> None:
+        lanes, channel_of, texts = Lanes(), dict[str, int](), dict[str, bytes]()
+        for at in range(begin, end):
+            kind, agent, task, execution = self.tasks[at]
+            label = lanes.label_after(kind, agent, task, execution) if kind in _SHOWN_BY_LANES else None
+            if label is None:
+                continue
+            if agent not in channel_of:
+                channel_of[agent] = writer.channel_of(channels.lane(agent))
+            if label not in texts:
+                texts[label] = channels.encode_string(label)
+            instant = self.instants[at]
+            writer.add_raw(channel_of[agent], instant, instant, 0, texts[label])
+
+
+def pack_events(events: pl.DataFrame) -> PackedEvents:
+    """Return an events frame, in order and numbered by `seq` from 0 in each run, as it is written.
+
+    Raises:
+        InvalidEventError: an event is not of the form the vocabulary asks for.
+    """
+    numbers = events.select(
+        pl.col("time_ns").clip(lower_bound=0).alias("instant"), pl.col("seq").and_(0xFFFFFFFF).alias("number")
+    )
+    is_start = (events["kind"] == RunStarted.kind).arg_true()
+    started = ((at, from_row(row)) for at, row in zip(is_start, events[is_start].iter_rows(named=True), strict=True))
+    return PackedEvents(
+        list(encode_columns(events)),
+        numbers["instant"].to_list(),
+        numbers["number"].to_list(),
+        events.select("kind", "agent", "task", "execution_id").rows(),
+        {at: run_metadata(fact) for at, fact in started if isinstance(fact, RunStarted)},
+    )
+
+
+def write_packed(path: Path, packed: PackedEvents, begin: int, end: int) -> None:
+    """Write a part of packed events as a finished log: what `write_log` writes of the same events, in less time.
+
+    Its name survives a crash of the system after `sync_folder` only, which is called once for many logs.
+
+    Raises:
+        LogExistsError: the log exists.
+        LogWriteError: it cannot be written.
+    """
+    if exists(path):
+        raise LogExistsError(path, "choose another name")
+    write_atomically(path, lambda writer: packed.fill(writer, begin, end), sync_names=False)
+
+
+def packed_bytes(packed: PackedEvents, begin: int, end: int) -> bytes:
+    """Return the bytes of the log that `write_packed` writes."""
+    stream = io.BytesIO()
+    writer = FinishedWriter(stream)
+    packed.fill(writer, begin, end)
+    writer.finish()
+    return stream.getvalue()
+
+
+def write_atomically(path: Path, fill: Callable[[FinishedWriter], None], *, sync_names: bool = True) -> None:
     """Let `fill` write a finished log that appears at `path` in one step, when all is written.
+
+    Args:
+        path: the log.
+        fill: adds what it holds.
+        sync_names: as of `replace_atomically`.
 
     Raises:
         LogWriteError: the file cannot be written.
@@ -123,7 +217,7 @@ def write_atomically(path: Path, fill: Callable[[FinishedWriter], None]) -> None
         fill(writer)
         writer.finish()
 
-    replace_atomically(path, write)
+    replace_atomically(path, write, sync_names=sync_names)
 
 
 def _number_events(events: Iterable[Event]) -> Iterator[Event]:
