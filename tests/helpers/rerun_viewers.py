@@ -10,16 +10,19 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from PIL import Image
 from rerun.experimental import ViewerClient
 
-PATIENCE_S = 60
+Answer = TypeVar("Answer")
+
+PATIENCE_S = 120
 DRIVERS = [Path(folder) for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")]
 OF_THE_MACHINE = ("Software rasterizer", "Docker", "XSETTINGS", "XRandR", "locale", "clipboard", "xkb", "Xft")
 """What a viewer says of where it runs, not of what it shows."""
@@ -85,11 +88,24 @@ def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
     pytest.fail("the viewer did not start")
 
 
+def asked(question: Callable[[], Answer]) -> Answer:
+    """Return the answer of a viewer; on a busy machine it may take longer than its client waits."""
+    for _ in range(5):
+        with contextlib.suppress(TimeoutError):
+            return question()
+    return question()
+
+
+def state_of(viewer: ViewerClient) -> Any:  # noqa: ANN401 - its client does not name the type
+    """Return what a viewer shows."""
+    return asked(viewer.get_state)
+
+
 def show(viewer: ViewerClient, path: Path) -> None:
     """Open a recording and wait until it is drawn."""
     viewer.open(str(path))
     until = time.monotonic() + PATIENCE_S
-    while (state := viewer.get_state()).loading or not state.views:
+    while (state := state_of(viewer)).loading or not state.views:
         assert time.monotonic() < until, "the recording did not load"
         time.sleep(0.1)
     time.sleep(1)
@@ -97,7 +113,7 @@ def show(viewer: ViewerClient, path: Path) -> None:
 
 def tabs(viewer: ViewerClient) -> Iterator[str]:
     """Bring every tab to the front in turn, those within others too, and yield its path."""
-    layout = viewer.get_blueprint().blueprint
+    layout = asked(viewer.get_blueprint).blueprint
     holders = {path: parts["ContainerBlueprint"] for path, parts in layout.items() if "contents" in _container(parts)}
     parents = {f"/{part}": path for path, holder in holders.items() for part in holder["contents"]}
     tabbed = {path for path, holder in holders.items() if holder.get("container_kind") == "Tabs"}
@@ -108,7 +124,7 @@ def tabs(viewer: ViewerClient) -> Iterator[str]:
             if parents[part] in tabbed:
                 changed[parents[part]]["ContainerBlueprint"]["active_tab"] = part.lstrip("/")
             part = parents[part]
-        viewer.set_blueprint(changed, of="recording")
+        asked(partial(viewer.set_blueprint, changed, of="recording"))
         _drawn(viewer)
         yield tab
 
@@ -122,19 +138,19 @@ def _drawn(viewer: ViewerClient) -> None:
     """Wait until what was asked for is on the screen: a broken picture is told about 0.1 s after its tab came up."""
     time.sleep(0.2)
     for _ in range(3):  # each is answered between two frames
-        viewer.get_state()
+        state_of(viewer)
 
 
 def complaints(viewer: ViewerClient) -> list[str]:
     """Return what views and log complain of."""
-    reports = [f"{view.name}: {report.summary}" for view in viewer.get_state().views for report in view.reports]
-    logged = [entry.message for entry in viewer.get_logs() if entry.level != "INFO"]
+    reports = [f"{view.name}: {report.summary}" for view in state_of(viewer).views for report in view.reports]
+    logged = [entry.message for entry in asked(viewer.get_logs) if entry.level != "INFO"]
     return reports + [message for message in logged if not any(word in message for word in OF_THE_MACHINE)]
 
 
 def colours(viewer: ViewerClient, picture: Path, size: str = "1000x700") -> int:
     """Save a screenshot and return how many colours it has."""
-    viewer.save_screenshot(str(picture))
+    asked(lambda: viewer.save_screenshot(str(picture)))
     with Image.open(picture) as image:
         assert "{}x{}".format(*image.size) == size
         return len(image.convert("RGB").getcolors(1_000_000) or ())

@@ -100,7 +100,9 @@ def test_what_a_kill_leaves_is_whole_and_going_on_completes_it(
 ) -> None:
     chance = random.Random(step)
     counts: list[int] = []
-    for number in range(many(16, fuzz=60)):
+    for number in range(100):
+        if number >= many(16, fuzz=60) and any(0 < count < 100 for count in counts):
+            break  # on a busy machine few kills come in the midst of a job
         where = str(tmp_path / f"{number}.sqlite")
         killer.ingest_and_kill(where, step, chance.uniform(0.0, 0.6))
         counts.append(_check_whole(where))

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from rerun.experimental import ViewerClient
-from rerun_viewers import PATIENCE_S, colours, complaints, tabs
+from rerun_viewers import PATIENCE_S, asked, colours, complaints, state_of, tabs
 
 from hrclog.analyzers.live.follow import Followed, follow
 from hrclog.arrays import ByteArray
@@ -24,12 +24,13 @@ from hrclog.arrays import ByteArray
 pytestmark = pytest.mark.slow
 
 RECORDER = """
-import sys, time
+import select, sys, time
 from hrclog import Recorder
 path, rounds = sys.argv[1], int(sys.argv[2])
 recorder = Recorder(path, run=sys.argv[3], agents=["human", "robot"])
 print(recorder.run_id, flush=True)
-for number in range(rounds):
+number = 0
+while number < rounds or not select.select([sys.stdin], [], [], 0)[0]:  # until standard input is closed
     recorder.safety("robot", ("normal", "slow")[number % 2], (1.0, 0.5)[number % 2])
     start = recorder.now_ns()
     other = recorder.start("human", f"assemble {number % 2}", planned_start_ns=start, planned_end_ns=start + 2 * 10**9)
@@ -38,15 +39,16 @@ for number in range(rounds):
             recorder.signal("min_distance", at / 10)
             time.sleep(0.05)
     other.end("failed" if number == 1 else "succeeded")
+    number += 1
 recorder.close()
 """
 
 
 @contextmanager
 def recorder(folder: Path, rounds: int, name: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Start a recorder, and give its process and the id of its run."""
+    """Start a recorder, and give its process and the id of its run; it ends after so many rounds when it is awaited."""
     command = [sys.executable, "-c", RECORDER, str(folder / f"{name}.mcap"), str(rounds), name]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
         yield process, process.stdout.readline().strip()
@@ -83,18 +85,18 @@ def wait_until(holds: Callable[[], bool]) -> None:
 
 def time_of(viewer: ViewerClient, recording: str) -> float:
     """Return where the cursor of a recording stands, s; 0 where it is not there."""
-    found = [one.current_time for one in viewer.get_state().recordings if recording in one.store_id]
+    found = [one.current_time for one in state_of(viewer).recordings if recording in one.store_id]
     return (found[0] or 0) / 1e9 if found else 0.0
 
 
 def bring_to_front(viewer: ViewerClient, recording: str) -> None:
-    (location,) = [one.location for one in viewer.get_state().recordings if recording in one.store_id]
+    (location,) = [one.location for one in state_of(viewer).recordings if recording in one.store_id]
     viewer.set_location(location)
     time.sleep(1.5)
 
 
 def pixels(viewer: ViewerClient, path: Path) -> ByteArray:
-    viewer.save_screenshot(str(path))
+    asked(lambda: viewer.save_screenshot(str(path)))
     with Image.open(path) as image:
         return np.asarray(image.convert("RGB"))
 
@@ -107,16 +109,16 @@ def test_a_run_grows_in_the_viewer_and_statistics_follow_its_end(viewer: ViewerC
         with recorder(runs, 12, "first") as (process, run_id):
             wait_until(lambda: time_of(viewer, run_id) > 2)
             seen = time_of(viewer, run_id)
-            views = {view.view_class for view in viewer.get_state().views}
+            views = {view.view_class for view in state_of(viewer).views}
             assert views >= {"StateTimeline", "TimeSeries", "TextLog", "TextDocument"}
             wait_until(lambda: time_of(viewer, run_id) > seen + 1)  # the cursor goes with the run
             assert colours(viewer, tmp_path / "live.png") > 100
             assert complaints(viewer) == []
             assert process.poll() is None
             process.communicate(timeout=PATIENCE_S)
-        wait_until(lambda: any("campaign" in one.store_id for one in viewer.get_state().recordings))
+        wait_until(lambda: any("campaign" in one.store_id for one in state_of(viewer).recordings))
         bring_to_front(viewer, "campaign")
-        wait_until(lambda: "2D" in {view.view_class for view in viewer.get_state().views})
+        wait_until(lambda: "2D" in {view.view_class for view in state_of(viewer).views})
         time.sleep(2)
         before = pixels(viewer, tmp_path / "before.png")
         with recorder(runs, 4, "second") as (process, second):

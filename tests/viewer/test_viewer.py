@@ -14,7 +14,7 @@ from cell_logs import RUN as CELL_RUN
 from cell_logs import write_cell_log
 from PIL import Image
 from rerun.experimental import ViewerClient
-from rerun_viewers import colours, complaints, show, tabs
+from rerun_viewers import colours, complaints, show, state_of, tabs
 
 from hrclog.analyzers.analysis import analyze
 from hrclog.analyzers.figures import campaign_figures, run_figures
@@ -74,9 +74,9 @@ def test_every_view_of_a_run_shows_without_complaint(viewer: ViewerClient, tmp_p
     figures = run_figures(RUN, ROWS, pl.DataFrame(log, schema=pl.Schema(kinds), orient="row"), signals)
     save_run(figures, tmp_path / "run.rrd")
     show(viewer, tmp_path / "run.rrd")
-    seen = {view.view_class for view in viewer.get_state().views}
+    seen = {view.view_class for view in state_of(viewer).views}
     assert seen == {"StateTimeline", "TimeSeries", "TextLog", "Dataframe", "TextDocument"}
-    (recording,) = viewer.get_state().recordings
+    (recording,) = state_of(viewer).recordings
     assert (recording.current_timeline, recording.current_time) == ("run_time", 0)
     assert colours(viewer, tmp_path / "run.png") > 100
     assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * 4
@@ -86,7 +86,7 @@ def test_a_cell_is_seen_beside_its_timeline_without_complaint(viewer: ViewerClie
     write_cell_log(tmp_path / "cell.mcap")
     analyze(tmp_path / "cell.mcap").run_to_rerun(CELL_RUN, tmp_path / "cell.rrd")
     show(viewer, tmp_path / "cell.rrd")
-    (cell,) = [view.view_id for view in viewer.get_state().views if view.view_class == "3D"]
+    (cell,) = [view.view_id for view in state_of(viewer).views if view.view_class == "3D"]
     orange, red = [], []
     for at in (0.0, 2.5, 3.5):
         viewer.set_time("run_time", duration=at, play_state="paused")
@@ -122,7 +122,7 @@ def test_every_view_of_a_campaign_shows_without_complaint(viewer: ViewerClient, 
     runs = pl.DataFrame([RUN], schema=RUNS, orient="row")
     save_campaign(campaign_figures(ROWS, overlaps, durations, synergies, runs, []), tmp_path / "campaign.rrd")
     show(viewer, tmp_path / "campaign.rrd")
-    seen = {view.view_class for view in viewer.get_state().views}
+    seen = {view.view_class for view in state_of(viewer).views}
     assert seen == {"2D", "TextDocument"}
     assert colours(viewer, tmp_path / "campaign.png") > 100
     assert [complaints(viewer) for _ in tabs(viewer)] == [[]] * (6 + 5)
