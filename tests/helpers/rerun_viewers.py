@@ -24,7 +24,10 @@ Answer = TypeVar("Answer")
 
 PATIENCE_S = 120
 DRIVERS = [Path(folder) for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")]
-OF_THE_MACHINE = ("Software rasterizer", "Docker", "XSETTINGS", "XRandR", "locale", "clipboard", "xkb", "Xft")
+OF_THE_MACHINE = (
+    *("Software rasterizer", "Docker", "XSETTINGS", "XRandR", "locale", "clipboard", "xkb", "Xft"),
+    "Failed to render screenshot",  # in time: it is asked for again
+)
 """What a viewer says of where it runs, not of what it shows."""
 
 
@@ -90,7 +93,7 @@ def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
 
 def asked(question: Callable[[], Answer]) -> Answer:
     """Return the answer of a viewer; on a busy machine it may take longer than its client waits."""
-    for _ in range(5):
+    for _ in range(9):
         with contextlib.suppress(TimeoutError):
             return question()
     return question()
@@ -103,7 +106,7 @@ def state_of(viewer: ViewerClient) -> Any:  # noqa: ANN401 - its client does not
 
 def show(viewer: ViewerClient, path: Path) -> None:
     """Open a recording and wait until it is drawn."""
-    viewer.open(str(path))
+    asked(lambda: viewer.open(str(path)))
     until = time.monotonic() + PATIENCE_S
     while (state := state_of(viewer)).loading or not state.views:
         assert time.monotonic() < until, "the recording did not load"
