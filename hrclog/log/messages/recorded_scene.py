@@ -100,6 +100,8 @@ def recorded_scene(parts: SceneParts, run_id: str | None, tell: Tell) -> Recorde
         run_id: the only run of the file, for parts that name none; None where there are several.
         tell: told what is left out.
     """
+    if not (parts.scenes or parts.descriptions or parts.poses):  # as in most files: frames of nothing take their time
+        return RecordedScene()
     scenes, descriptions, poses = (
         _with_run(pl.concat(frames) if frames else schema.to_frame(), run_id)
         for frames, schema in (
