@@ -181,7 +181,7 @@ def test_text_can_be_read_in_both_themes(open_report: Open, scheme: str, theme: 
         details.click()
     page.locator("#table-long th button").first.click()
     ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert ground == "rgb({}, {}, {})".format(*theme["card"])  # type: ignore[misc]
+    assert ground == "rgb({}, {}, {})".format(*theme["card"])  # type: ignore[misc]  # a colour has three parts
     contrasts = page.evaluate(CONTRASTS)
     assert len(contrasts) > 500
     assert [found for found in contrasts if found[0] < 4.5] == []

@@ -26,8 +26,8 @@ from mcap.records import (
 )
 
 from hrclog.log.mcap.chain import record_bytes
+from hrclog.log.mcap.records import MAGIC
 
-_MAGIC: Final = b"\x89MCAP0\r\n"
 _ZSTD: Final = "zstd"
 _MESSAGE: Final = struct.Struct("<BQHIQQ")
 _MESSAGE_FIELDS: Final = 22  # bytes of a message's own fields, before its data
@@ -61,7 +61,7 @@ class McapFile:
 
     def start(self, profile: str, library: str) -> None:
         """Write the head of the file."""
-        self._write(_MAGIC)
+        self._write(MAGIC)
         self._write(record_bytes(Header(profile, library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
@@ -136,7 +136,7 @@ class McapFile:
         summary += b"".join(map(record_bytes, offsets))
         own_fields = _FOOTER.pack(Opcode.FOOTER, 8 + 8 + 4, summary_start, offsets_start)
         footer = Footer(summary_start, offsets_start, zlib.crc32(own_fields, zlib.crc32(summary)))
-        self._write(bytes(summary) + record_bytes(footer) + _MAGIC)
+        self._write(bytes(summary) + record_bytes(footer) + MAGIC)
 
     def _add(self, record: bytes) -> None:
         self._parts.append(record)

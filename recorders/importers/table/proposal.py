@@ -52,7 +52,7 @@ _NAMES: Final = {
 }
 """Names of columns by what they mean, without case and signs."""
 
-_RUN_FACTS: Final = (  # noqa: SIM905
+_RUN_FACTS: Final = (  # noqa: SIM905 - a list that is read
     "participant participantid subjectid subjectno person group condition mode scenario treatment session "
     "sessionid day block trial trialid trialno trialnumber repetition rep round iteration"
 ).split()

@@ -212,7 +212,7 @@ def said(table: pl.DataFrame, durations: pl.DataFrame | None = None, estimator: 
     """Return all sentences of the findings."""
     known = {"runs": runs_frame([]), "events": frame([]), "diagnostics": [], "estimator": estimator}
     known["durations"] = pl.DataFrame(schema=DURATIONS) if durations is None else durations
-    found = findings(SimpleNamespace(synergies=table, **known))  # type: ignore[arg-type]
+    found = findings(SimpleNamespace(synergies=table, **known))  # type: ignore[arg-type]  # all that the function asks for
     return [text for finding in found for text in (finding.text, *finding.details)]
 
 
@@ -346,7 +346,7 @@ def makespan_said(runs: Sequence[tuple[float, str, int, str]]) -> list[str]:
         for place, run in enumerate(runs)
     ]
     known = {"durations": pl.DataFrame(schema=DURATIONS), "synergies": synergies([]), "diagnostics": []}
-    found = findings(SimpleNamespace(runs=table, events=frame(started), estimator="aft", **known))  # type: ignore[arg-type]
+    found = findings(SimpleNamespace(runs=table, events=frame(started), estimator="aft", **known))  # type: ignore[arg-type]  # all that the function asks for
     return [text for finding in found for text in (finding.text, *finding.details) if "No two agents" not in text]
 
 
@@ -535,7 +535,7 @@ def test_of_plots_that_grew_with_the_runs_the_last_is_shown_and_all_can_be_stepp
         ),
         run_figures=analysis.run_figures,
     )
-    said = report(grown, runs=0)  # type: ignore[arg-type]
+    said = report(grown, runs=0)  # type: ignore[arg-type]  # all that the function asks for
     assert [one.plot.title for one in said.figures] == ["after 5"]
     page = render(said, lambda plot: f"<svg>{plot.title}</svg>")
     found = re.findall(r'<div class="stage" data-number="(\d)"( hidden)?>.*?<svg>(.*?)</svg>', page, re.DOTALL)
@@ -558,7 +558,7 @@ def test_a_report_says_with_what_it_was_made() -> None:
 @pytest.mark.parametrize(("name", "value"), [("runs", -3), ("runs", "4"), ("title", 7), ("title", None)])
 def test_what_is_no_title_and_no_count_of_runs_is_a_sentence(name: str, value: object, tmp_path: Path) -> None:
     with pytest.raises(HrclogError, match=f"{name} is {value!r}, expected"):
-        analysis_of(list("ABcd")).to_report(tmp_path / "report.html", **{name: value})  # type: ignore[arg-type]
+        analysis_of(list("ABcd")).to_report(tmp_path / "report.html", **{name: value})  # type: ignore[arg-type]  # all that the function asks for
     assert not list(tmp_path.iterdir())
 
 

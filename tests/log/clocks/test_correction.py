@@ -135,7 +135,7 @@ def test_a_bag_played_at_double_speed_tells_nothing_of_clocks(tmp_path: Path) ->
     assert codes(logs) == ["log_times_untimely"]
 
 
-def synced(every: float | None, clock: Any = right, gap: float = 1e-4, **arguments: Any) -> list[Written]:  # noqa: ANN401
+def synced(every: float | None, clock: Any = right, gap: float = 1e-4, **arguments: Any) -> list[Written]:  # noqa: ANN401 - a function of any kind of step
     """Return a run of which the human's events wait, and are written together at the end or at every sync."""
     events = run(clock, **arguments)
     end = max(entry.log_time for entry in events) + 3 * SECOND
@@ -156,7 +156,7 @@ def synced(every: float | None, clock: Any = right, gap: float = 1e-4, **argumen
 
 @pytest.mark.parametrize("clock", [right, ahead(-30)], ids=["right", "behind"])
 @pytest.mark.parametrize(("every", "gap"), [(None, 1e-4), (None, 0.3), (30, 1e-4), (30, 0.1), (20, 0.01)])
-def test_events_that_waited_are_no_fault_of_a_clock(every: Any, gap: float, clock: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_events_that_waited_are_no_fault_of_a_clock(every: Any, gap: float, clock: Any, tmp_path: Path) -> None:  # noqa: ANN401 - a function of any kind of step
     analysis = hrclog.analyze(write(tmp_path / "a.mcap", synced(every, clock, gap, tasks=8)))
     found = {finding.code: finding for finding in analysis.diagnostics if finding.code in RELIABLE}
     assert found.keys() <= {"log_times_untimely"}
@@ -164,7 +164,7 @@ def test_events_that_waited_are_no_fault_of_a_clock(every: Any, gap: float, cloc
 
 
 @pytest.mark.parametrize("every", [None, 30, 20])
-def test_a_clock_that_is_ahead_is_found_though_events_waited(every: Any, tmp_path: Path) -> None:  # noqa: ANN401
+def test_a_clock_that_is_ahead_is_found_though_events_waited(every: Any, tmp_path: Path) -> None:  # noqa: ANN401 - a function of any kind of step
     logs = read_logs(write(tmp_path / "a.mcap", synced(every, ahead(3600), tasks=8)))
     assert codes(logs) == ["clock_offset"]
     message = told(logs)[0].message

@@ -31,7 +31,7 @@ PLAIN = {"use_statistics": False, "index_types": IndexType.NONE}
 def log_of(attached: list[Attached], *, inner: bytes = b"{}", **options: object) -> bytes:
     """Return a log of twelve messages in several chunks with attachments between them."""
     stream = io.BytesIO()
-    writer = Writer(stream, chunk_size=100, compression=CompressionType.NONE, **options)  # type: ignore[arg-type]
+    writer = Writer(stream, chunk_size=100, compression=CompressionType.NONE, **options)  # type: ignore[arg-type]  # options of many types
     writer.start("", "another recorder")
     channel = writer.register_channel("/a", "json", 0)
     for time in range(12):
@@ -160,7 +160,7 @@ def test_chunks_that_are_alike_are_none_of_them_doubled_in_a_closed_log_that_cou
     tmp_path: Path, options: dict[str, object]
 ) -> None:
     stream = io.BytesIO()
-    writer = Writer(stream, chunk_size=1, **options)  # type: ignore[arg-type]
+    writer = Writer(stream, chunk_size=1, **options)  # type: ignore[arg-type]  # options of many types
     writer.start("", "")
     channel = writer.register_channel("/a", "json", 0)
     for _ in range(6):

@@ -250,7 +250,7 @@ def test_a_chunk_that_is_not_there_is_named_with_its_messages(tmp_path: Path, pa
     path = tmp_path / "run.mcap"
     for row in _chunk_rows(pieces)[:3]:
         kept, diagnostics = facts(path, b"".join(pieces[:row] + pieces[row + 1 :]))
-        n_lost = 2 + 2 * N_TASKS - len(kept[0])  # type: ignore[index]
+        n_lost = 2 + 2 * N_TASKS - len(kept[0])  # type: ignore[index]  # it is there in these files
         missing = next(diagnostic for diagnostic in diagnostics if diagnostic.code == "records_missing")
         assert missing.message.startswith(f"1 chunk of {counted(n_lost, 'message')} ({n_lost} on /hrc/events")
         assert missing.offset == sum(map(len, pieces[:row]))
@@ -308,7 +308,7 @@ def test_an_offset_that_does_not_fit_costs_nothing_and_is_told(tmp_path: Path, v
     }
     first = {opcode: record for opcode, *record in reversed(list(Walk(own, [])))}
     for opcode, (offset, begin, _) in first.items():
-        for at in places.get(opcode, []):  # type: ignore[call-overload]
+        for at in places.get(opcode, []):  # type: ignore[call-overload]  # it is there in these files
             changed = own[: begin + at] + value.to_bytes(8, "little") + own[begin + at + 8 :]
             with warnings.catch_warnings(action="error"):
                 found, diagnostics = facts(path, changed)

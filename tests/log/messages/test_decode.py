@@ -139,7 +139,7 @@ def test_events_of_several_topics_and_byte_orders_are_in_the_order_of_writing(tm
         for i, message in enumerate(messages):
             writer.add_message(topics[i % 5 > 2], 1000, message, 1000)
         writer.finish()
-    assert read_log(tmp_path / "a.mcap").events["agent"].to_list() == [event.agent for event in events]  # type: ignore[attr-defined]
+    assert read_log(tmp_path / "a.mcap").events["agent"].to_list() == [event.agent for event in events]  # type: ignore[attr-defined]  # all of them are events of tasks
 
 
 def test_json_details_may_be_an_object_or_its_text(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_a_goal_is_one_execution_however_often_its_states_are_repeated(
     facts, diagnostics = told(MAP, messages)
     assert rows(events_of(facts)) == expected
     assert diagnostics == []
-    assert {fact.content.execution_id for fact in facts} == {  # type: ignore[union-attr]
+    assert {fact.content.execution_id for fact in facts} == {  # type: ignore[union-attr]  # all of them are task facts
         str(uuid.uuid5(uuid.NAMESPACE_DNS, f"goal {number}")) for number in range(len(goals))
     }
 

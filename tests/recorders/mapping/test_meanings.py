@@ -172,7 +172,7 @@ def test_safety_changes_once_for_each_change(samples: list[tuple[bool, int]]) ->
             expected.append((at, *state))
     events = events_of(told(text, messages)[0])
     assert all(isinstance(event, SafetyStateChanged) and event.agent == "robot" for event in events)
-    assert [(event.time_ns, event.mode, event.speed_scale) for event in events] == expected  # type: ignore[attr-defined]
+    assert [(event.time_ns, event.mode, event.speed_scale) for event in events] == expected  # type: ignore[attr-defined]  # all of them are safety changes
 
 
 def test_a_speed_out_of_its_range_is_no_speed() -> None:
@@ -180,7 +180,7 @@ def test_a_speed_out_of_its_range_is_no_speed() -> None:
     values = [0.5, 50.0, float("nan"), -1.0, 1.0000001]
     messages: list[Message] = [(T + number, "/speed", "x", {"data": value}) for number, value in enumerate(values)]
     facts, diagnostics = told(text, messages)
-    assert [event.speed_scale for event in events_of(facts)] == [0.5, 1.0]  # type: ignore[attr-defined]
+    assert [event.speed_scale for event in events_of(facts)] == [0.5, 1.0]  # type: ignore[attr-defined]  # all of them are safety changes
     assert [finding.code for finding in diagnostics] == ["skipped_message"] * len(diagnostics)
 
 
