@@ -104,6 +104,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "types have no definition in the recording; they were read by the standard ones",
     ),
+    "exclusion_unmatched": ("warning", "an annotation excludes an execution or a span of which there is nothing"),
     "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
@@ -114,6 +115,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "no checksum covers the messages of the file, or of the one it was recovered from: damage cannot be seen",
     ),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
+    "excluded": (
+        "info",
+        "annotations exclude runs or executions, which do not count, or say that nothing is learnt from them",
+    ),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
     "run_not_ended": ("info", "the run has no run_ended event"),
@@ -128,6 +133,9 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
 
 TIMES_IN_DOUBT: Final = ("clock_offset", "clock_jump", "clock_step", "clock_put_back", "doubtful_speed")
 """Codes that stand beside every result that is computed from times: with them, factors and stop times may be wrong."""
+
+ALWAYS_TOLD: Final = ("excluded",)
+"""Codes of facts that every command tells: results are without what was left out."""
 
 TIMES_CORRECTED: Final = "clock_corrected"
 

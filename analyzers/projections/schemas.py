@@ -16,7 +16,7 @@ INTERVALS: Final = pl.Schema(
         "agent": pl.String,
         "task": pl.String,
         "task_type": pl.String,
-        "role": pl.String,  # primary | auxiliary
+        "role": pl.String,  # primary | auxiliary | not_learnt (by annotation)
         "execution_id": pl.String,  # one per attempt
         "parent_execution_id": pl.String,  # set on sub-steps of a sequence
         "item_id": pl.String,  # the plan item; shared by retries

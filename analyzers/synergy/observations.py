@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import is_counted
+from hrclog.analyzers.projections.intervals import is_learnt
 from hrclog.analyzers.projections.joint_states import State, segments
 from hrclog.analyzers.synergy.pairs import in_seconds, is_finished, overlapping_pairs
 from hrclog.arrays import IntArray
@@ -84,7 +84,7 @@ def observe(intervals: pl.DataFrame) -> Observations:
     Args:
         intervals: a frame of schema `INTERVALS`.
     """
-    rows = intervals.filter(is_counted()).sort(_SORT)
+    rows = intervals.filter(is_learnt()).sort(_SORT)
     cut = segments(rows, intervals)
     lengths = (cut.end_ns - cut.start_ns) / 1e9
     state_seconds = (

@@ -145,13 +145,13 @@ def print_json(value: Any, *, indent: int | None = 2) -> None:
 
 def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
     """Print findings on standard error, the first few of each kind, and return the exit code they ask for."""
-    from hrclog.diagnostic import loses_data
+    from hrclog.diagnostic import ALWAYS_TOLD, loses_data
 
     rank = {"error": 0, "warning": 1, "info": 2}
     ordered = sorted(diagnostics, key=lambda diagnostic: rank[diagnostic.severity])
     shown: Counter[str] = Counter()
     for diagnostic in ordered:
-        if diagnostic.severity == "info" and not info:
+        if diagnostic.severity == "info" and not info and diagnostic.code not in ALWAYS_TOLD:
             continue
         shown[diagnostic.code] += 1
         if shown[diagnostic.code] <= _SHOWN_PER_CODE:

@@ -17,6 +17,7 @@ import polars as pl
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.log.annotations.beside import with_annotations
+from hrclog.log.annotations.exclusions import Exclusion, Judged, excluded_runs, exclusion_diagnostics, judged
 from hrclog.log.bags.folder import is_bag
 from hrclog.log.checks import check_events, check_given_numbers, usable, without_copies
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks, on_one_clock
@@ -47,7 +48,8 @@ class Logs:
     """What a set of files holds.
 
     `events` has the columns of `hrclog.log.messages.message.EVENTS` in the order `ORDER`; `signals` has
-    `SIGNAL_COLUMNS`. Signals and scene are empty unless they were asked for.
+    `SIGNAL_COLUMNS`. Signals and scene are empty unless they were asked for. `excluded` are the events of executions
+    that annotations exclude, and `exclusions` what these say; of whole runs that they exclude nothing else is here.
     """
 
     events: pl.DataFrame
@@ -55,6 +57,8 @@ class Logs:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     paths: list[Path] = field(default_factory=list)
     scene: RecordedScene = field(default_factory=RecordedScene)
+    excluded: pl.DataFrame = field(default_factory=EVENTS.to_frame)
+    exclusions: list[Exclusion] = field(default_factory=list)
 
 
 def read_logs(
@@ -64,6 +68,7 @@ def read_logs(
     on_file: Callable[[Path], None] = lambda _: None,
     clocks: Clocks = NO_CLOCKS,
     where: Where = ALL_RUNS,
+    with_excluded: bool = False,
 ) -> Logs:
     """Read logs, folders and globs.
 
@@ -73,6 +78,7 @@ def read_logs(
         on_file: called after each file, for progress.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
         where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
+        with_excluded: also what annotations exclude, among all else.
 
     Raises:
         LogReadError: nothing matched, or no file could be read at all.
@@ -86,7 +92,7 @@ def read_logs(
     if not parts:
         failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
         raise LogReadError(paths[0].parent, failure_text, "at least one log")
-    logs = _combine(parts, failures, clocks, conditions(where))
+    logs = _combine(parts, failures, clocks, conditions(where), with_excluded=with_excluded)
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in unread_logs(arguments, paths)]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
@@ -289,6 +295,16 @@ def _selected(parts: list[Logs], wanted: tuple[Condition, ...]) -> list[Logs]:
     return [_of_runs(part, chosen) for part in parts]
 
 
+def _without_excluded_runs(parts: list[Logs]) -> tuple[list[Logs], list[Exclusion]]:
+    """Leave out runs that annotations exclude, and what is doubtful about their files; return what these say too."""
+    exclusions = [entry for part in parts for entry in excluded_runs(part.events)]
+    if not exclusions:
+        return parts, []
+    runs = {run for part in parts for run in part.events["run_id"].unique()}
+    kept = runs - {entry.run_id for entry in exclusions}
+    return [_of_runs(part, kept) for part in parts], exclusions
+
+
 def _of_runs(part: Logs, chosen: set[str]) -> Logs:
     is_chosen = pl.col("run_id").is_in(sorted(chosen))
     events = part.events.filter(is_chosen)
@@ -302,9 +318,18 @@ def _of_runs(part: Logs, chosen: set[str]) -> Logs:
     return Logs(events, part.signals.filter(is_chosen), diagnostics, paths, part.scene.only(chosen))
 
 
-def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks, wanted: tuple[Condition, ...]) -> Logs:
+def _combine(
+    parts: list[Logs],
+    failures: list[LogReadError],
+    clocks: Clocks,
+    wanted: tuple[Condition, ...],
+    *,
+    with_excluded: bool = False,
+) -> Logs:
     # the result does not depend on the order of the arguments
     parts = _join_splits(sorted(parts, key=lambda part: part.paths))
+    counting, exclusions = _without_excluded_runs(parts)
+    parts = parts if with_excluded else counting
     if wanted:
         parts = _selected(parts, wanted)
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
@@ -322,6 +347,10 @@ def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks, wa
     losses = annotated_losses(events, diagnostics)
     diagnostics += [*losses, *copies, *unset, *misnumbered, *unnumbered, *corrections, *check_events(events)]
     events = usable(events)
+    verdict = Judged(events, events.clear(), []) if with_excluded else judged(events)
+    exclusions = [] if with_excluded else [*exclusions, *verdict.exclusions]
+    diagnostics += exclusion_diagnostics(exclusions)
     samples = merged_samples([part.signals for part in parts])
     paths = [path for part in parts for path in part.paths]
-    return Logs(events, samples, diagnostics, paths, merged(part.scene for part in parts))
+    scene = merged(part.scene for part in parts)
+    return Logs(verdict.events, samples, diagnostics, paths, scene, verdict.excluded, exclusions)
