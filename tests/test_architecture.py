@@ -67,7 +67,7 @@ ARROWS: Mapping[str, str] = {
     "analyzers.prediction": "log analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
     "analyzers.result": "log analyzers.projections analyzers.synergy analyzers.figures",
     "analyzers.analysis": "log analyzers.projections analyzers.synergy analyzers.result",
-    "analyzers.output": "analyzers.result",
+    "analyzers.output": "analyzers.exporters analyzers.result",
     "analyzers.comparison": "analyzers.projections analyzers.synergy analyzers.result",
     "analyzers.figures": "log analyzers.projections analyzers.synergy",
     "analyzers.drawing": "analyzers.figures",

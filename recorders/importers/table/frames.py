@@ -49,7 +49,7 @@ def _converted(frame: Any) -> pl.DataFrame | None:  # noqa: ANN401 - as `as_pola
 
     known = nw.from_native(nw.to_native(frame, pass_through=True), pass_through=True)
     if isinstance(known, nw.LazyFrame):
-        return known.collect("polars").to_native()
+        known = known.collect("polars")
     if not isinstance(known, nw.DataFrame):
         is_table = hasattr(frame, "__arrow_c_stream__") or isinstance(frame, Mapping | list)
         return pl.DataFrame(frame) if is_table and not hasattr(frame, "to_frame") else None
@@ -94,9 +94,10 @@ def _typed(column: Any) -> pl.Series | None:  # noqa: ANN401 - as `_from_pandas`
     if column.dtype == object or str(column.dtype).startswith(_AS_TEXTS):
         return None
     try:
-        return pl.from_pandas(column)
+        series: pl.Series = pl.Series(pl.from_pandas(column))
     except Exception:  # noqa: BLE001 - pyarrow has many reasons for not knowing a type
         return None
+    return series
 
 
 def _objects(column: Any) -> pl.Series | None:  # noqa: ANN401 - as `_from_pandas`
