@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 ANALYSIS_VERSION: Final = 1
 
 
-@dataclass(frozen=True)  # without slots, which leave no place for what is computed when it is asked for
+@dataclass(frozen=True, repr=False)  # without slots, which leave no place for what is computed when it is asked for
 class Analysis:
     """The result for a set of runs. `hrclog.analyzers.projections.schemas` has the frames' columns."""
 
@@ -55,6 +55,17 @@ class Analysis:
         from hrclog.log.runs.tags import run_tags
 
         return executions(self.intervals, self.runs, run_tags(self.events))
+
+    def __repr__(self) -> str:
+        from hrclog.analyzers.notebook import headline
+
+        return f"<hrclog.Analysis: {headline(self.runs, self.diagnostics)}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: a summary and the heatmap of the synergies."""
+        from hrclog.analyzers.notebook import page
+
+        return page(self.runs, self.durations, self.synergies, self.diagnostics)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""

@@ -39,7 +39,7 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 _MOST_TOPICS: Final = 20  # that a message lists
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Logs:
     """What a set of files holds.
 
@@ -52,6 +52,15 @@ class Logs:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     paths: list[Path] = field(default_factory=list)
     scene: RecordedScene = field(default_factory=RecordedScene)
+
+    def __repr__(self) -> str:
+        facts = [
+            counted(self.events["run_id"].n_unique(), "run"),
+            counted(self.events.height, "event"),
+            *([f"{counted(self.signals.height, 'sample')} of signals"] if self.signals.height else []),
+            *([counted(len(self.diagnostics), "diagnostic")] if self.diagnostics else []),
+        ]
+        return f"<hrclog.Logs: {', '.join(facts)}>"
 
 
 def read_logs(
