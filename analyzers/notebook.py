@@ -33,8 +33,8 @@ _READING: Final = (
     "Hover for intervals and counts; * is sparse or weakly identified."
 )
 _FURTHER: Final = (
-    "<code>.executions</code> is the long table, <code>.synergies</code> and <code>.durations</code> are these in full, "
-    "<code>.to_report(path)</code> writes everything with pictures."
+    "<code>.executions</code> is the long table, <code>.synergies</code> and <code>.durations</code> are these in "
+    "full, <code>.to_report(path)</code> writes everything with pictures."
 )
 
 

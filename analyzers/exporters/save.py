@@ -23,11 +23,15 @@ def save_table(frame: pl.DataFrame, path: str | Path) -> None:
         OutputError: the file cannot be written.
     """
     path = Path(path)
-    if not isinstance(frame, pl.DataFrame):
-        found = type(frame).__name__
-        raise HrclogError(f"save_table: found {found}, expected a polars DataFrame, such as analysis.executions")
+    _check_table(frame)
     exporters = {exporter.suffix: exporter for exporter in reversed(list(EXPORTERS.values()))}
     if path.suffix.lower() not in exporters:
         endings = ", ".join(sorted(exporters))
         raise HrclogError(f"{path}: found the ending {path.suffix!r}, expected one of {endings}")
     write_frame(exporters[path.suffix.lower()], frame, path)
+
+
+def _check_table(frame: object) -> None:
+    if not isinstance(frame, pl.DataFrame):
+        found = type(frame).__name__
+        raise HrclogError(f"save_table: found {found}, expected a polars DataFrame, such as analysis.executions")

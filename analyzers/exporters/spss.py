@@ -43,11 +43,9 @@ class Spss(Exporter):
         except ImportError as error:
             raise HrclogError(f"{path}: files of SPSS need pyreadstat: pip install 'hrclog[spss]'") from error
         path.write_bytes(b"")  # says why where it cannot be written, which pyreadstat does not
-        names = variable_names(frame.columns)
-        labels = {name: _cut(label, _LONGEST_LABEL) for name, label in zip(names, frame.columns, strict=True)}
-        pyreadstat.write_sav(
-            _plain(frame).rename(dict(zip(frame.columns, names, strict=True))), path, column_labels=labels
-        )
+        columns = dict(zip(frame.columns, variable_names(frame.columns), strict=True))
+        labels: dict[str, str | None] = {name: _cut(label, _LONGEST_LABEL) for label, name in columns.items()}
+        pyreadstat.write_sav(_plain(frame).rename(columns), path, column_labels=labels)
 
 
 def variable_names(columns: Sequence[str]) -> list[str]:

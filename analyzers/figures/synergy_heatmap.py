@@ -54,7 +54,9 @@ def with_estimator(title: str, cells: pl.DataFrame) -> str:
     return f"{title} ({estimators})" if estimators else title
 
 
-def _pair_heatmap(agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Mapping[str, str], max_side: int) -> Heatmap:
+def _pair_heatmap(
+    agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Mapping[str, str], max_side: int
+) -> Heatmap:
     agent, other = (agent_labels[name] for name in agents)
     drawn = axes(cells, "overlap_s", agents, max_side)
     cells = cells.with_columns(

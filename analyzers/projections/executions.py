@@ -23,8 +23,8 @@ def executions(intervals: pl.DataFrame, runs: pl.DataFrame, tags: Mapping[str, M
     """Return one row per execution that is no step of another, in the order of the runs and of time.
 
     The columns are those of `EXECUTIONS`. Behind `run_id` stands a column per tag of the runs, at the end a column
-    `beside_<agent>_s` per agent: how long that agent had an execution too. It is null for the agent's own executions, and
-    in runs without that agent.
+    `beside_<agent>_s` per agent: how long that agent had an execution too. It is null for the agent's own executions,
+    and in runs without that agent.
 
     Args:
         intervals: a frame of schema `INTERVALS`.

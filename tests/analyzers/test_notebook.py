@@ -26,7 +26,16 @@ from hrclog.log.messages.signals import SIGNAL_COLUMNS
 from hrclog.log.reader import Logs
 
 TAGS = {"div", "p", "b", "br", "code", "table", "caption", "tr", "th", "td", "span"}
-HOSTILE = ("<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "&lt;", "'", "\x1b[2J\n", "\ud800", "計" * 200, " ")
+HOSTILE = (
+    "<script>alert(1)</script>",
+    '"><img src=x onerror=alert(1)>',
+    "&lt;",
+    "'",
+    "\x1b[2J\n",
+    "\ud800",
+    "計" * 200,
+    " ",
+)
 
 
 class Reader(HTMLParser):
@@ -42,14 +51,17 @@ class Reader(HTMLParser):
         assert self.open == []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element that opens, and its attributes."""
         assert tag in TAGS
         self.attributes |= {name for name, _ in attrs}
         self.open += [tag] if tag != "br" else []
 
     def handle_endtag(self, tag: str) -> None:
+        """Note that the last element closes."""
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
+        """Keep a text."""
         self.text += data
 
 
@@ -64,7 +76,12 @@ def html_of(drawn: list[dict[str, Any]], **tags: str) -> str:
 def test_a_notebook_shows_the_summary_and_the_heatmap_in_a_few_kilobytes() -> None:
     html = html_of(random_runs(1), condition="areas")
     text = Reader(html).text
-    for shown in ("20 runs, 320 executions, 2 agents (H, R)", "tags: condition (1)", "mean s", "Synergy: H while R works"):
+    for shown in (
+        "20 runs, 320 executions, 2 agents (H, R)",
+        "tags: condition (1)",
+        "mean s",
+        "Synergy: H while R works",
+    ):
         assert shown in text
     assert len(html.encode()) < 10_000
 
