@@ -52,9 +52,20 @@ class Parquet(Exporter):
 
 
 def _harmless_names(names: Sequence[str]) -> dict[str, str]:
-    """Return the names of columns as they are written; those of tags and agents are what users call them."""
-    series = pl.Series("name", names, pl.String)
-    return dict(zip(names, series.to_frame().select(_harmless(pl.col("name"))).to_series(), strict=True))
+    """Return the names of columns as they are written, each once: those of tags and agents are what users call them."""
+    written: dict[str, str] = {}
+    taken = set(names)
+    for name, harmless in zip(
+        names,
+        pl.DataFrame({"name": names}, {"name": pl.String}).select(_harmless(pl.col("name"))).to_series(),
+        strict=True,
+    ):
+        new = harmless
+        while new != name and new in taken:
+            new = f"'{new}"
+        taken.add(new)
+        written[name] = new
+    return written
 
 
 def _harmless(texts: pl.Expr) -> pl.Expr:

@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import polars as pl
 
 from hrclog.analyzers.projections.intervals import top_level
 
+ROW: Final = "row"
+"""Column of the number of an execution."""
+
 _LANE: Final = ("run_id", "agent")
-_ROW: Final = "row"
 
 
-def beside(executions: pl.DataFrame, intervals: pl.DataFrame, agents: Sequence[str]) -> list[pl.Series]:
-    """Return per agent the ns within each execution during which that agent had an execution too.
+def beside(executions: pl.DataFrame, intervals: pl.DataFrame, lanes: pl.DataFrame) -> pl.DataFrame:
+    """Return for each execution and each other agent of its run how long that agent had an execution too.
 
     Executions of an agent that overlap each other count once.
 
     Args:
-        executions: columns run_id, start_ns and until_ns.
+        executions: columns run_id, agent, start_ns and until_ns.
         intervals: all executions of these runs; steps of sequences are no executions of their own.
-        agents: whose executions are looked at.
+        lanes: run_id and agent, a row per agent of a run.
+
+    Returns:
+        `ROW` of the execution, the other agent as `agent`, and `beside_ns`.
     """
-    rows = executions.select("run_id", "start_ns", "until_ns").with_row_index(_ROW)
-    blocks = _blocks(intervals).partition_by("agent", as_dict=True)
-    return [
-        _within(rows, blocks[agent,]) if (agent,) in blocks else pl.zeros(rows.height, pl.Int64, eager=True)
-        for agent in agents
-    ]
+    rows = executions.select("run_id", "start_ns", "until_ns", own="agent").with_row_index(ROW)
+    pairs = rows.join(lanes, on="run_id").filter(pl.col("agent") != pl.col("own")).with_row_index("pair")
+    blocks = _blocks(intervals)
+    lasting = _busy_until(pairs, blocks, "until_ns") - _busy_until(pairs, blocks, "start_ns")
+    return pairs.select(ROW, "agent", lasting.alias("beside_ns"))
 
 
 def _blocks(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -46,15 +49,10 @@ def _blocks(intervals: pl.DataFrame) -> pl.DataFrame:
     return blocks.select(*_LANE, "open_ns", "length_ns", before.alias("before_ns")).sort("open_ns")
 
 
-def _within(rows: pl.DataFrame, blocks: pl.DataFrame) -> pl.Series:
-    lasting = _busy_until(rows, blocks, "until_ns") - _busy_until(rows, blocks, "start_ns")
-    return lasting.rename("beside_ns")
-
-
-def _busy_until(rows: pl.DataFrame, blocks: pl.DataFrame, instant: str) -> pl.Series:
-    """Return how many ns of blocks lie before an instant of each row, in the order of the rows."""
-    met = rows.select(_ROW, "run_id", instant).sort(instant).join_asof(
-        blocks, left_on=instant, right_on="open_ns", by="run_id", strategy="backward", check_sortedness=False
+def _busy_until(pairs: pl.DataFrame, blocks: pl.DataFrame, instant: str) -> pl.Series:
+    """Return how many ns of the other agent's blocks lie before an instant of each pair, in the order of the pairs."""
+    met = pairs.select("pair", *_LANE, instant).sort(instant).join_asof(
+        blocks, left_on=instant, right_on="open_ns", by=_LANE, strategy="backward", check_sortedness=False
     )  # fmt: skip
     inside = pl.min_horizontal(pl.col(instant) - pl.col("open_ns"), "length_ns")
-    return met.sort(_ROW).select((pl.col("before_ns") + inside).fill_null(0)).to_series()
+    return met.sort("pair").select((pl.col("before_ns") + inside).fill_null(0)).to_series()

@@ -7,7 +7,7 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.beside import beside
+from hrclog.analyzers.projections.beside import ROW, beside
 from hrclog.analyzers.projections.intervals import top_level
 from hrclog.analyzers.projections.schemas import EXECUTIONS
 from hrclog.analyzers.projections.tags import tag_columns
@@ -51,14 +51,20 @@ def _seconds(ns: pl.Series) -> pl.Series:
 
 
 def _beside_columns(rows: pl.DataFrame, intervals: pl.DataFrame, runs: pl.DataFrame) -> list[pl.Series]:
-    agents = [agent for agent in runs["agents"].explode().unique().sort().drop_nulls() if agent]
+    lanes = runs.select("run_id", agent="agents").explode("agent").filter(pl.col("agent") != "").unique()
+    agents = lanes["agent"].unique().sort().to_list()
     if rows.height * len(agents) > MOST_CELLS:
         return []
-    columns = []
-    for agent, ns in zip(agents, beside(rows, intervals, agents), strict=True):
-        is_other = (rows["agent"] != agent) & rows["run_agents"].list.contains(agent)
-        columns.append(_seconds(pl.select(pl.when(is_other).then(ns)).to_series()).rename(f"beside_{agent}_s"))
-    return columns
+    pairs = beside(rows, intervals, lanes)
+    seconds = pairs.select(ROW, "agent", _seconds(pairs["beside_ns"]).alias("seconds"))
+    of_agent = seconds.partition_by("agent", as_dict=True, include_key=False)
+    nothing = pl.Series([None], dtype=pl.Float64).new_from_index(0, rows.height)
+    return [_placed(of_agent.get((agent,)), nothing).alias(f"beside_{agent}_s") for agent in agents]
+
+
+def _placed(seconds: pl.DataFrame | None, nothing: pl.Series) -> pl.Series:
+    """Return the seconds at the rows that have some."""
+    return nothing if seconds is None else nothing.clone().scatter(seconds[ROW], seconds["seconds"])
 
 
 def _with_tags(table: pl.DataFrame, tags: Mapping[str, Mapping[str, str]]) -> pl.DataFrame:

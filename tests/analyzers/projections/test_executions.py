@@ -55,7 +55,7 @@ def test_seconds_beside_an_agent_are_those_in_which_it_has_an_execution_too(draw
             assert line.get(f"beside_{agent}_s") == expected
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(event_rows())
 def test_every_execution_of_a_run_is_a_row_with_what_its_interval_says(drawn: list[Row]) -> None:
     logs = Logs(events_of(drawn), SIGNAL_COLUMNS.to_frame(), [])
@@ -106,7 +106,7 @@ def test_a_run_without_executions_is_no_row_and_no_run_is_an_empty_table() -> No
 KEYS = ["participant", "task", "run", "beside_H_s", "tag_task", "<script>", "=cmd()", "a b", ""]
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(st.dictionaries(st.sampled_from(KEYS), st.text(max_size=3), max_size=5))
 def test_tags_are_columns_behind_the_run_whatever_they_are_called(tags: dict[str, str]) -> None:
     intervals = frame([row("H", "x", 0, 2), row("R", "y", 1, 3), row("H", "x", 0, 1, run_id="untold")])
