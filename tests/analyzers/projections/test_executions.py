@@ -43,6 +43,8 @@ def busy_instants(intervals: pl.DataFrame, run: str, agent: str) -> set[int]:
 def test_seconds_beside_an_agent_are_those_in_which_it_has_an_execution_too(drawn: list[Row]) -> None:
     intervals = frame(drawn)
     table = table_of(intervals)
+    whole = intervals.filter(pl.col("parent_execution_id") == "")
+    assert sorted(table["execution_id"]) == sorted(whole["execution_id"])
     agents = {run: set(part["agent"]) for (run,), part in intervals.group_by("run_id")}
     of_execution = {each["execution_id"]: each for each in intervals.iter_rows(named=True)}
     for line in table.iter_rows(named=True):

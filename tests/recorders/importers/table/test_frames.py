@@ -116,6 +116,12 @@ def test_whole_nanoseconds_are_kept_beside_ends_that_are_not_there(study: pd.Dat
     assert set(facts_of(study).select("start_ns", "end_ns").rows()) == {(start, end), (start, None)}
 
 
+def test_numbers_of_several_types_are_read_as_exactly_as_they_are_written() -> None:
+    cells = [0.5, 2**53 + 1]
+    frame = as_polars(pd.DataFrame({"a": pd.Series(cells, dtype=object)}))
+    assert frame["a"].to_list() == [str(cell) for cell in cells]
+
+
 def test_columns_of_several_levels_are_joined_and_ids_are_texts() -> None:
     frame = pd.DataFrame({("time", "start"): [0.0], ("time", "end"): [1.0], ("who", ""): ["r"], ("step", ""): ["x"]})
     frame[("trial", "")] = pd.Series([uuid.UUID(int=1)], dtype=object)
