@@ -45,7 +45,7 @@ class Spss(Exporter):
         path.write_bytes(b"")  # says why where it cannot be written, which pyreadstat does not
         columns = dict(zip(frame.columns, variable_names(frame.columns), strict=True))
         labels: dict[str, str | None] = {name: _cut(label, _LONGEST_LABEL) for label, name in columns.items()}
-        pyreadstat.write_sav(_plain(frame).rename(columns), path, column_labels=labels)
+        pyreadstat.write_sav(_plain(frame).rename(columns), path, column_labels=labels, row_compress=True)
 
 
 def variable_names(columns: Sequence[str]) -> list[str]:
@@ -55,11 +55,11 @@ def variable_names(columns: Sequence[str]) -> list[str]:
     for column in columns:
         stem = _NOT_IN_NAMES.sub("_", column).strip("_") or "v"
         stem = stem if stem[0].isalpha() else f"v_{stem}"
-        name, number = _cut(stem, _LONGEST_NAME), 1
+        name, number = _cut(stem, _LONGEST_NAME).rstrip("_"), 1
         while name.upper() in taken:
             number += 1
             end = f"_{number}"
-            name = _cut(stem, _LONGEST_NAME - len(end)) + end
+            name = _cut(stem, _LONGEST_NAME - len(end)).rstrip("_") + end
         taken.add(name.upper())
         names.append(name)
     return names

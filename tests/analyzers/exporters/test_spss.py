@@ -15,7 +15,8 @@ import hrclog
 from hrclog.analyzers.exporters.spss import Spss, variable_names
 from hrclog.errors import HrclogError, OutputError
 
-NAMES = st.lists(st.text(max_size=70) | st.sampled_from(["a", "A", "all", "to", "1", "a b", "日" * 30]), unique=True)
+ODD = ["a", "A", "all", "to", "1", "a b", "日" * 30, "a" * 63 + "!b"]
+NAMES = st.lists(st.text(max_size=70) | st.sampled_from(ODD), unique=True)
 
 
 @given(NAMES)
