@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 ANALYSIS_VERSION: Final = 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, repr=False)  # without slots, which leave no place for what is computed when it is asked for
 class Analysis:
     """The result for a set of runs. `hrclog.analyzers.projections.schemas` has the frames' columns."""
 
@@ -44,6 +45,28 @@ class Analysis:
     observations: Observations
     fit: Fit
     scene: RecordedScene = field(default_factory=RecordedScene)
+
+    @cached_property
+    def executions(self) -> pl.DataFrame:
+        """Return the long table for statistics: one row per execution, with its run, tags and seconds beside others.
+
+        Its columns are those of `EXECUTIONS`, one per tag, and one per agent.
+        """
+        from hrclog.analyzers.projections.executions import executions
+        from hrclog.log.runs.tags import run_tags
+
+        return executions(self.intervals, self.runs, run_tags(self.events))
+
+    def __repr__(self) -> str:
+        from hrclog.analyzers.notebook import headline
+
+        return f"<hrclog.Analysis: {headline(self.runs, self.diagnostics)}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: a summary and the heatmap of the synergies."""
+        from hrclog.analyzers.notebook import page
+
+        return page(self.runs, self.durations, self.synergies, self.diagnostics)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""

@@ -21,7 +21,7 @@ VERBS = {
     "check": "Check logs for damage and doubtful data.",
     "compare": "Compare two sets of runs.",
     "demo": "Analyse the sample runs that come with hrclog.",
-    "export": "Write events, intervals and overlaps as CSV or Parquet.",
+    "export": "Write executions and all other tables for R, SPSS and others.",
     "import": "Turn other systems' records into logs.",
     "info": "Show what a log holds.",
     "kb": "Store what was learned from runs, for planners to read.",

@@ -43,7 +43,7 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 _MOST_TOPICS: Final = 20  # that a message lists
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Logs:
     """What a set of files holds.
 
@@ -59,6 +59,15 @@ class Logs:
     scene: RecordedScene = field(default_factory=RecordedScene)
     excluded: pl.DataFrame = field(default_factory=EVENTS.to_frame)
     exclusions: list[Exclusion] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        facts = [
+            counted(self.events["run_id"].n_unique(), "run"),
+            counted(self.events.height, "event"),
+            *([f"{counted(self.signals.height, 'sample')} of signals"] if self.signals.height else []),
+            *([counted(len(self.diagnostics), "diagnostic")] if self.diagnostics else []),
+        ]
+        return f"<hrclog.Logs: {', '.join(facts)}>"
 
 
 def read_logs(

@@ -144,7 +144,17 @@ def test_pages_name_every_event_column_and_table_column() -> None:
     for name in (*EVENT_CLASSES, *COLUMNS):
         assert name == "kind" or f"`{name}`" in events, name
     tables = (ROOT / "docs" / "tables.md").read_text()
-    for schema in ("INTERVALS", "OVERLAPS", "PAIR_OVERLAPS", "DURATIONS", "SYNERGIES", "RUNS", "METRICS", "SIGNALS"):
+    for schema in (
+        "INTERVALS",
+        "EXECUTIONS",
+        "OVERLAPS",
+        "PAIR_OVERLAPS",
+        "DURATIONS",
+        "SYNERGIES",
+        "RUNS",
+        "METRICS",
+        "SIGNALS",
+    ):
         for name in getattr(schemas, schema):
             assert f"| `{name}` |" in tables, name
 
