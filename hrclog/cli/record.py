@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from hrclog.events import Event
-    from hrclog.recorders.json_lines import Sample
-    from hrclog.recorders.stdin import Hooks, Recorded, Recording, Refused
+    from hrclog.recorders.line_run import Recorded
+    from hrclog.recorders.sample_lines import Sample
+    from hrclog.recorders.stdin import Hooks, Recording, Refused
 
 
 class _Stop(Exception):  # noqa: N818 - a request, not an error
@@ -141,7 +142,9 @@ class _Tale:
 
     def sample(self, sample: Sample) -> None:
         """Acknowledge a sample."""
-        self._acknowledge({"signals": list(sample.values)})
+        from hrclog.recorders.sample_lines import SAMPLE_KINDS
+
+        self._acknowledge({SAMPLE_KINDS[sample.kind].plural: list(sample.names)})
 
     def refusal(self, refused: Refused) -> None:
         """Say why a line was refused."""
@@ -156,7 +159,9 @@ class _Tale:
         """Say where a finished run is, and let the knowledge base take it in."""
         samples = f", {counted(recorded.n_samples, 'sample')}" if recorded.n_samples else ""
         echo(f"{recorded.path}: {counted(recorded.n_events, 'event')}{samples} recorded", err=True)
-        segments = _segments(recorded.path if self.logs else self._path)
+        for remark in recorded.remarks:
+            echo(f"warning: {recorded.path}: {remark}", err=True)
+        segments = _segments(recorded.path if recorded.number > 1 else self._path)
         self.logs += segments
         self._following.take(segments)
 

@@ -18,7 +18,7 @@ from hrclog.event_rows import from_row, to_row
 from hrclog.events import Event, TaskFact
 from hrclog.log.reader import read_logs
 from hrclog.log.writing.journal import journal_path
-from hrclog.recorders.json_lines import Sample
+from hrclog.recorders.sample_lines import Sample
 from hrclog.recorders.segments import segment_path
 from hrclog.recorders.stdin import Hooks, Refused, record_stream
 
