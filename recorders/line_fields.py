@@ -5,25 +5,24 @@ from __future__ import annotations
 import difflib
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from hrclog.errors import InvalidEventError
 from hrclog.events import LATEST_NS
-from hrclog.log.messages.json_rows import row_from_object, short
+from hrclog.log.messages.json_rows import integer_column, short, text_column
 
 _LONGEST: Final = 80  # characters of a name that similar ones are sought for
 _LARGEST: Final = int(sys.float_info.max)
 
 
-def check_fields(value: Mapping[str, Any], known_names: Sequence[str], owner: str, otherwise: str) -> None:
+def check_fields(value: Mapping[str, Any], known_names: Collection[str], owner: str) -> None:
     """Raise if a line has a field that its kind does not have: a misspelt `outcome` would be a success.
 
     Args:
         value: the JSON object of the line.
         known_names: of fields.
         owner: what has these fields.
-        otherwise: what to do where no name is similar.
 
     Raises:
         InvalidEventError: names the field.
@@ -31,6 +30,7 @@ def check_fields(value: Mapping[str, Any], known_names: Sequence[str], owner: st
     for name in value:
         if name not in known_names:
             similar_names = difflib.get_close_matches(name[:_LONGEST].lower(), known_names, 1)
+            otherwise = "put further facts into details" if "details" in known_names else ", ".join(known_names)
             hint = f"did you mean {similar_names[0]!r}?" if similar_names else otherwise
             raise InvalidEventError(f"found the unknown field {short(name)}, expected those of {owner}; {hint}")
 
@@ -41,33 +41,34 @@ def text_of(kind: str, field: str, value: object) -> str:
     Raises:
         InvalidEventError: it is none, or no valid Unicode.
     """
-    text = row_from_object({"kind": kind, "reason": value})["reason"] if isinstance(value, str) else ""
-    if not text.strip():
+    if not isinstance(value, str) or not value.strip():
         raise InvalidEventError(f"{kind}: {field} is {short(value)}, expected a text that is not empty")
-    return str(text)
+    return text_column(field, value)
 
 
-def number_of(kind: str, what: str, value: object) -> float:
-    """Return a number.
+def number_of(kind: str, name: object, value: object) -> float:
+    """Return the number of that name.
 
     Raises:
         InvalidEventError: it is none.
     """
-    is_too_large = isinstance(value, int) and abs(value) > _LARGEST
-    if isinstance(value, int | float) and not isinstance(value, bool) and not is_too_large:
+    if isinstance(value, float):
+        return value
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) <= _LARGEST:
         return float(value)
-    raise InvalidEventError(f"{kind}: {what} is {short(value)}, expected a number of 64 bits")
+    raise InvalidEventError(f"{kind}: {short(name)} is {short(value)}, expected a number of 64 bits")
 
 
-def finite_of(kind: str, what: str, value: object) -> float:
-    """Return a number that is neither NaN nor infinite.
+def finite_of(kind: str, name: object, value: object) -> float:
+    """Return the number of that name, which is neither NaN nor infinite.
 
     Raises:
         InvalidEventError: it is none.
     """
-    number = number_of(kind, what, value)
+    number = number_of(kind, name, value)
     if not math.isfinite(number):
-        raise InvalidEventError(f"{kind}: {what} is {number}, expected a finite number; leave out what is not known")
+        text = f"{kind}: {short(name)} is {number}, expected a finite number"
+        raise InvalidEventError(f"{text}; leave out what is not known")
     return number
 
 
@@ -79,7 +80,7 @@ def instant_of(kind: str, value: Mapping[str, Any]) -> int | None:
     """
     if value.get("time_ns") is None:
         return None
-    time_ns = int(row_from_object({"kind": kind, "time_ns": value["time_ns"]})["time_ns"])
+    time_ns = integer_column("time_ns", value["time_ns"])
     if not 0 <= time_ns <= LATEST_NS:
         text = f"{kind}: time_ns is {time_ns}, expected whole nanoseconds since 1970 from 0 to {LATEST_NS}"
         raise InvalidEventError(text)

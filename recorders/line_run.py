@@ -85,7 +85,7 @@ class LineRun:
         return Recorded(path, run_id, self.n_events, self.n_samples, self.number, self._remarks())
 
     def _take_event(self, value: Mapping[str, Any]) -> Event:
-        event = event_of(value, (handle.fact for handle in self.recorder.open_executions()))
+        event = event_of(value, lambda: (handle.fact for handle in self.recorder.open_executions()))
         recorded = self.recorder.record(event)
         self.n_events += 1
         self.n_task_events += event.kind in TASK_KINDS

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from hrclog.errors import InvalidEventError
-from hrclog.events import RunStarted
-from hrclog.log.messages.json_rows import row_from_object, short
+from hrclog.log.messages.json_rows import text_column
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +41,4 @@ def take_label(value: dict[str, Any]) -> RunLabel:
 
 
 def _text(field: str, name: object) -> str:
-    if name is None:
-        return ""
-    if not isinstance(name, str):
-        raise InvalidEventError(f"{field} is {short(name)}, expected a text")
-    return str(row_from_object({"kind": RunStarted.kind, "run_id": name})["run_id"]).strip()
+    return "" if name is None else text_column(field, name).strip()

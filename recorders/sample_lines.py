@@ -50,7 +50,7 @@ class SampleKind:
 
     Attributes:
         plural: how an acknowledgement names what was sampled.
-        fields: that a line may have beside `kind` and `time_ns`.
+        fields: that a line may have.
         read: makes the sample of a line and its instant.
     """
 
@@ -73,17 +73,17 @@ def sample_of(value: Mapping[str, Any]) -> Sample:
     """
     name = value["kind"]
     kind = SAMPLE_KINDS[name]
-    names = ("kind", *kind.fields, "time_ns")
-    check_fields(value, names, name, f"they are {', '.join(names)}")
+    check_fields(value, kind.fields, name)
     return kind.read(value, instant_of(name, value))
 
 
 def _signals(value: Mapping[str, Any], time_ns: int | None) -> Sample:
     """Read a `name` and a `value`, or `values` by their names."""
-    has_several = "values" in value
-    _check_one_form(value, "signal", ("name", "value"), ("values",))
-    values = value["values"] if has_several else {value.get("name"): value.get("value")}
-    numbers = _by_name("signal", "values", values, number_of)
+    if _has_values(value, "signal", "name", "value"):
+        numbers = _by_name("signal", value["values"], number_of)
+    else:
+        name = text_of("signal", "name", value.get("name"))
+        numbers = {name: number_of("signal", name, value.get("value"))}
 
     def write(recorder: Recorder) -> None:
         for name, number in numbers.items():
@@ -95,16 +95,15 @@ def _signals(value: Mapping[str, Any], time_ns: int | None) -> Sample:
 def _joints(value: Mapping[str, Any], time_ns: int | None) -> Sample:
     """Read `names` and `positions` of an `agent`'s joints, or `values` by their names."""
     agent = text_of("joints", "agent", value.get("agent"))
-    _check_one_form(value, "joints", ("names", "positions"), ("values",))
-    if "values" in value:
-        positions = _by_name("joints", "values", value["values"], finite_of)
+    if _has_values(value, "joints", "names", "positions"):
+        positions = _by_name("joints", value["values"], finite_of)
     else:
         names, given = (_list("joints", field, value.get(field)) for field in ("names", "positions"))
         if len(names) != len(given) or not names:
             counts = f"{counted(len(names), 'name')} and {counted(len(given), 'position')}"
             raise InvalidEventError(f"joints: found {counts}, expected as many, and one at least")
         positions = {
-            text_of("joints", "a name", name): finite_of("joints", f"the position of {short(name)}", position)
+            text_of("joints", "a name", name): finite_of("joints", name, position)
             for name, position in zip(names, given, strict=True)
         }
         if len(positions) != len(names):
@@ -181,27 +180,28 @@ def _description(value: Mapping[str, Any], time_ns: int | None) -> Sample:
 
 
 SAMPLE_KINDS: Final[Mapping[str, SampleKind]] = {
-    "signal": SampleKind("signals", ("name", "value", "values"), _signals),
-    "joints": SampleKind("joints", ("agent", "names", "positions", "values"), _joints),
-    "pose": SampleKind("poses", ("name", "position", "quaternion", "yaw"), _pose),
-    "scene": SampleKind("scenes", ("scene",), _scene),
-    "description": SampleKind("descriptions", ("agent", "urdf"), _description),
+    "signal": SampleKind("signals", ("kind", "name", "value", "values", "time_ns"), _signals),
+    "joints": SampleKind("joints", ("kind", "agent", "names", "positions", "values", "time_ns"), _joints),
+    "pose": SampleKind("poses", ("kind", "name", "position", "quaternion", "yaw", "time_ns"), _pose),
+    "scene": SampleKind("scenes", ("kind", "scene", "time_ns"), _scene),
+    "description": SampleKind("descriptions", ("kind", "agent", "urdf", "time_ns"), _description),
 }
 """Kinds of lines that are samples, not events."""
 
 
-def _check_one_form(value: Mapping[str, Any], kind: str, *forms: tuple[str, ...]) -> None:
-    """Raise if a line has fields of several forms, or of none."""
-    if sum(any(name in value for name in form) for form in forms) != 1:
-        names = ", ".join(name for form in forms for name in form if name in value) or "none of its fields"
-        expected = ", or ".join(" and ".join(form) for form in forms)
-        raise InvalidEventError(f"{kind}: found {names}, expected {expected} by name")
+def _has_values(value: Mapping[str, Any], kind: str, first: str, second: str) -> bool:
+    """Return whether a line has `values` by name, not two fields instead; raise if it has both, or neither."""
+    has_values = "values" in value
+    if has_values == (first in value or second in value):
+        names = ", ".join(name for name in (first, second, "values") if name in value) or "neither"
+        raise InvalidEventError(f"{kind}: found {names}, expected {first} and {second}, or values by name")
+    return has_values
 
 
-def _by_name(kind: str, field: str, values: object, number: Callable[[str, str, object], float]) -> dict[str, float]:
+def _by_name(kind: str, values: object, number: Callable[[str, object, object], float]) -> dict[str, float]:
     if not isinstance(values, Mapping) or not values:
-        raise InvalidEventError(f"{kind}: {field} is {short(values)}, expected an object of numbers by name")
-    return {text_of(kind, "name", name): number(kind, f"the value of {short(name)}", values[name]) for name in values}
+        raise InvalidEventError(f"{kind}: values is {short(values)}, expected an object of numbers by name")
+    return {text_of(kind, "name", name): number(kind, name, value) for name, value in values.items()}
 
 
 def _list(kind: str, field: str, value: object) -> Sequence[object]:
@@ -213,7 +213,7 @@ def _list(kind: str, field: str, value: object) -> Sequence[object]:
 def _vector(kind: str, field: str, value: object, count: int) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != count:
         raise InvalidEventError(f"{kind}: {field} is {short(value)}, expected {count} numbers")
-    return tuple(finite_of(kind, f"a number of {field}", number) for number in value)
+    return tuple(finite_of(kind, field, number) for number in value)
 
 
 def _check_size(kind: str, text: str) -> None:

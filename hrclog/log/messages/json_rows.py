@@ -92,9 +92,8 @@ def row_from_object(value: Mapping[str, Any]) -> dict[str, Any]:
         InvalidEventError: a known field has the wrong type, or `kind` is missing.
     """
     row = _DEFAULTS.copy()
-    for name in COLUMNS:
-        field_value = value.get(name)
-        if field_value is not None:
+    for name, field_value in value.items():
+        if name in _DEFAULTS and field_value is not None:
             row[name] = _column_value(name, field_value)
     if not row["kind"]:
         raise InvalidEventError("found an object without `kind`, expected for example task_started")
@@ -105,15 +104,32 @@ def _column_value(name: str, value: Any) -> Any:  # noqa: ANN401 - any JSON valu
     if name == "details" and isinstance(value, dict):
         value = json.dumps(value, ensure_ascii=False, sort_keys=True)
     if name in STRING_COLUMNS:
-        return _text(name, value)
+        return text_column(name, value)
+    number = _number_column(name, value)
+    return _float(name, number) if name in FLOAT_COLUMNS else _integer(name, number)
+
+
+def _number_column(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InvalidEventError(f"{name} is {short(value)}, expected a number")
-    if name in FLOAT_COLUMNS:
-        return _float(name, value)
-    return _integer(name, value)
+    return value
 
 
-def _text(name: str, value: Any) -> str:  # noqa: ANN401 - any JSON value
+def integer_column(name: str, value: object) -> int:
+    """Return a whole number, within what the column takes.
+
+    Raises:
+        InvalidEventError: it is none.
+    """
+    return _integer(name, _number_column(name, value))
+
+
+def text_column(name: str, value: object) -> str:
+    """Return a text.
+
+    Raises:
+        InvalidEventError: it is none, or no valid Unicode.
+    """
     if not isinstance(value, str):
         raise InvalidEventError(f"{name} is {short(value)}, expected a text")
     try:
