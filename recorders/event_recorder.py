@@ -190,12 +190,12 @@ class EventRecorder:
                 journal.path.unlink()
             raise
 
-    def _sample(self, signal: Signal) -> None:
-        """Write a sample of a signal."""
+    def _sample(self, *signals: Signal) -> None:
+        """Write samples of signals: all of them, or none."""
         with self._lock:
             now = self._now()
-            timed = replace(signal, time_ns=now) if signal.time_ns == NOW else signal
-            self._open_journal().append(signal_message(timed, now))
+            timed = (replace(signal, time_ns=now) if signal.time_ns == NOW else signal for signal in signals)
+            self._open_journal().append(*[signal_message(signal, now) for signal in timed])
 
     def _remember(self, event: Event, state: ExecutionState | None) -> None:
         """Remember what was written."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
@@ -48,10 +49,11 @@ def _check_number(name: str, time: float, first_ns: int | None) -> None:
         if not is_on_own_clock and _FIRST_S * per_second <= time < _LAST_S * per_second:
             day = datetime.fromtimestamp(time / per_second, UTC).date()
             factor = NS_PER_S // per_second
-            raise InvalidEventError(
-                f"{name} is {time}: found {unit} since 1970 ({day}), expected nanoseconds; multiply by {factor}: "
-                f"write {_times(time, factor)}, or {_OWN_CLOCK}"
-            )
+            text = f"{name} is {time}: found {unit} since 1970 ({day}), expected nanoseconds; multiply by {factor}: "
+            otherwise = f", or {_OWN_CLOCK}" if first_ns is None else ""
+            raise InvalidEventError(f"{text}write {_times(time, factor)}{otherwise}")
+    if not math.isfinite(time):
+        raise InvalidEventError(f"{name} is {time}, expected whole nanoseconds since 1970")
     if isinstance(time, float) and abs(time) < _MAX_FRACTION and not time.is_integer():
         text = f"{name} is {time}: found a fraction, as seconds have one, expected whole nanoseconds"
         raise InvalidEventError(f"{text}; if it is seconds, multiply by {NS_PER_S}: write {_times(time, NS_PER_S)}")

@@ -259,9 +259,15 @@ class Recorder(EventRecorder):
 
     def signal(self, name: str, value: float, *, time_ns: int | None = None) -> None:
         """Record a sample of a scalar signal."""
-        if not isinstance(name, str) or not name.strip():
-            raise InvalidEventError(f"{self.path}: found {name!r} as the name of a signal, expected a text")
-        self._sample(FloatSignal(self.run_id, name, instant(time_ns), _number(value)))
+        self.signals({name: value}, time_ns=time_ns)
+
+    def signals(self, values: Mapping[str, float], *, time_ns: int | None = None) -> None:
+        """Record samples of scalar signals by their names, at one instant: all of them, or none."""
+        for name in values:
+            if not isinstance(name, str) or not name.strip():
+                raise InvalidEventError(f"{self.path}: found {name!r} as the name of a signal, expected a text")
+        time = instant(time_ns)
+        self._sample(*[FloatSignal(self.run_id, name, time, _number(value)) for name, value in values.items()])
 
     def joints(
         self, agent: str, names: Sequence[str], positions: Sequence[float], *, time_ns: int | None = None

@@ -86,8 +86,7 @@ def _signals(value: Mapping[str, Any], time_ns: int | None) -> Sample:
         numbers = {name: number_of("signal", name, value.get("value"))}
 
     def write(recorder: Recorder) -> None:
-        for name, number in numbers.items():
-            recorder.signal(name, number, time_ns=time_ns)
+        recorder.signals(numbers, time_ns=time_ns)
 
     return Sample("signal", time_ns, tuple(numbers), write)
 

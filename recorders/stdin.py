@@ -171,7 +171,7 @@ class _Runs:
 
     def _take(self, value: dict[str, Any]) -> None:
         label = take_label(value)
-        run = self._run_of(label)
+        run = self._run_of(label, value.get("kind"))
         check_times(value, run.first_ns if run else None)
         if value.get("kind") == RunStarted.kind:
             self._begin(value, label, run)
@@ -185,20 +185,22 @@ class _Runs:
             return
         self.hooks.on_event(taken)
         if isinstance(taken, RunEnded):
-            self._finish(run, "its run_ended")
+            self._finish(run, RunEnded.kind)
 
-    def _run_of(self, label: RunLabel) -> LineRun | None:
+    def _run_of(self, label: RunLabel, kind: object) -> LineRun | None:
         """Return the open run that a line belongs to: the one it names, or without a name that of the line before.
 
-        A run that no line named yet is the one that a new name means, unless tasks were recorded in it.
+        A run that no line named yet is the one that a new name means, unless a further task begins with it.
         """
         current = self._current
         if not label.key:
             return current
-        run = self._by_key.get(label.key)
-        if run is None and current is not None and not current.is_named and not current.n_task_events:
-            return None if label.key in self._ended else current
-        return run
+        if label.key in self._by_key:
+            return self._by_key[label.key]
+        if current is None or current.is_named or label.key in self._ended:
+            return None
+        goes_on = isinstance(kind, str) and kind in TASK_KINDS and kind not in BEGINNINGS
+        return current if goes_on or not current.n_task_events else None
 
     def _begin(self, value: dict[str, Any], label: RunLabel, run: LineRun | None) -> None:
         """Begin the run of a `run_started` line; it ends the run before it, unless lines name that one.
@@ -229,7 +231,8 @@ class _Runs:
         kind = value.get("kind")
         check_first(value)
         if label.key in self._ended:
-            raise IllegalEventError(f"found {kind} of run {label.key!r} after {self._ended[label.key]}")
+            text = f"found {kind} of run {label.key!r} after {self._ended[label.key]}"
+            raise IllegalEventError(f"{text}, expected nothing more of it, or another run_started")
         if self._n_begun and not label.key and not (self._may_have_missed_start and kind in BEGINNINGS):
             raise IllegalEventError(f"found {kind} after run_ended, expected nothing more, or another run_started")
         is_resumed = self.resume and not self._n_begun

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import os
 import signal
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
@@ -12,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 
 import click
 
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, echo, json_option, print_json
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.wording import counted
 
@@ -110,9 +112,15 @@ def command(
         if as_json:
             print_json(_as_json(result))
         elif result.refused:
-            echo(f"{counted(len(result.refused), 'line')} refused", err=True)
+            _say(f"{counted(len(result.refused), 'line')} refused")
         code = following.catch_up(" ".join(map(str, tale.logs)))
-    return max(code, EXIT_DATA_LOST if result.refused or result.losses else EXIT_FINE)
+    return max(code, tale.code, EXIT_DATA_LOST if result.refused or result.losses else EXIT_FINE)
+
+
+def _say(text: str) -> None:
+    """Print a line on standard error; that nobody reads it any more must not end the recording."""
+    with suppress(OSError):
+        echo(text, err=True)
 
 
 class _Tale:
@@ -126,6 +134,7 @@ class _Tale:
 
     def __init__(self, path: Path, following: Following, *, ack: bool) -> None:
         self.logs: list[Path] = []
+        self.code = EXIT_FINE
         self._path = path
         self._following = following
         self._ack = ack
@@ -148,27 +157,34 @@ class _Tale:
 
     def refusal(self, refused: Refused) -> None:
         """Say why a line was refused."""
-        echo(f"error: line {refused.line}: {refused.reason}", err=True)
+        _say(f"error: line {refused.line}: {refused.reason}")
         self._acknowledge({"line": refused.line, "error": refused.reason})
 
     def loss(self, text: str) -> None:
         """Say what was lost of the run before it was resumed."""
-        echo(f"error: {text}", err=True)
+        _say(f"error: {text}")
 
     def run(self, recorded: Recorded) -> None:
         """Say where a finished run is, and let the knowledge base take it in."""
         samples = f", {counted(recorded.n_samples, 'sample')}" if recorded.n_samples else ""
-        echo(f"{recorded.path}: {counted(recorded.n_events, 'event')}{samples} recorded", err=True)
+        _say(f"{recorded.path}: {counted(recorded.n_events, 'event')}{samples} recorded")
         for remark in recorded.remarks:
-            echo(f"warning: {recorded.path}: {remark}", err=True)
+            _say(f"warning: {recorded.path}: {remark}")
         segments = _segments(recorded.path if recorded.number > 1 else self._path)
         self.logs += segments
         self._following.take(segments)
 
     def _acknowledge(self, reply: dict[str, object]) -> None:
-        if self._ack:
+        if not self._ack:
+            return
+        try:
             print_json(reply, indent=None)
-            sys.stdout.flush()
+        except OSError as error:  # whoever read them has gone, or the disk is full; recording goes on
+            self._ack = False
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what is left in the buffer
+            reason = error.strerror or str(error)
+            _say(f"warning: lines are acknowledged no more, for standard output cannot be written ({reason})")
+            self.code = EXIT_FINE if isinstance(error, BrokenPipeError) else EXIT_FAILED
 
 
 def _segments(path: Path) -> list[Path]:

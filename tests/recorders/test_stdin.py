@@ -153,7 +153,8 @@ def test_any_events_come_through_as_they_are_unless_the_state_machine_refuses_th
 ) -> None:
     path = tmp_path / "run.mcap"
     path.unlink(missing_ok=True)
-    lines = [json.dumps({k: v for k, v in to_row(event).items() if v is not None}) for event in events]
+    rows = [to_row(event) | {"run_id": "r"} for event in events]
+    lines = [json.dumps({k: v for k, v in row.items() if v is not None}) for row in rows]
     recorded: list[Event] = []
     opening = line(kind="heartbeat", time_ns=0)  # on a clock of its own, any instant may be right
     refused = record_stream([opening, *lines], path, hooks=Hooks(on_event=recorded.append)).refused
