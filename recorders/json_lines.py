@@ -18,7 +18,7 @@ from hrclog.wording import counted
 BEGINNINGS: Final = ("task_dispatched", "task_started")
 """Kinds of the first event of an execution."""
 
-_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed")
+_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed", "tags")
 _START_FIELDS: Final = (*COLUMNS, *_RUN_FACTS)
 
 

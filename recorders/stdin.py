@@ -22,6 +22,7 @@ from hrclog.recorders.recorder import Recorder, check_facts, log_path
 from hrclog.recorders.run_label import RunLabel, take_label
 from hrclog.recorders.sample_lines import Sample
 from hrclog.recorders.segments import first_segment
+from hrclog.tags import NO_TAGS, checked_tags
 from hrclog.wording import counted
 
 MAX_OPEN: Final = 32
@@ -75,6 +76,7 @@ def record_stream(
     run: str = "",
     resume: bool = False,
     fsync: bool = False,
+    tags: Mapping[str, str] = NO_TAGS,
     hooks: Hooks | None = None,
 ) -> Recording:
     """Record runs from JSON lines until they end.
@@ -96,6 +98,7 @@ def record_stream(
         run: name of the first run; default what its `run_started` says, or the file's.
         resume: the first run continues the one that is at `path`.
         fsync: each event also survives a crash of the operating system.
+        tags: facts of every run; those of a `run_started` line stand above them.
         hooks: what is called on the way.
 
     Raises:
@@ -105,7 +108,7 @@ def record_stream(
     """
     if not resume:
         first_segment(log_path(path))  # say so before waiting for input
-    with _Runs(log_path(path), run, resume=resume, fsync=fsync, hooks=hooks or Hooks()) as runs:
+    with _Runs(log_path(path), run, resume=resume, fsync=fsync, tags=tags, hooks=hooks or Hooks()) as runs:
         for number, line in enumerate(lines, 1):
             runs.take_line(number, line if number > 1 else line.removeprefix(_BYTE_ORDER_MARK))
         runs.end()
@@ -120,6 +123,7 @@ class _Runs:
     run: str
     resume: bool
     fsync: bool
+    tags: Mapping[str, str]
     hooks: Hooks
     finished: list[Recorded] = field(default_factory=list)
     refused: list[Refused] = field(default_factory=list)
@@ -212,6 +216,7 @@ class _Runs:
         """
         facts = run_facts(value)
         check_facts(facts["run"], facts.get("agents", ()), facts.get("software"), facts.get("seed"))
+        facts["tags"] = checked_tags(facts.get("tags"))
         if run is not None and not run.n_task_events:
             if run.opening is None:
                 raise InvalidEventError(
@@ -249,7 +254,7 @@ class _Runs:
         name = facts.get("run", "") or ("" if resumes else label.run or label.run_id)
         facts = facts | {"run": (self.run if number == 1 else "") or name, "resume": resumes}
         _make_folder(path)
-        recorder = Recorder(path, fsync=self.fsync, **facts)
+        recorder = Recorder(path, fsync=self.fsync, **facts | {"tags": {**self.tags, **facts.get("tags", {})}})
         self._n_begun = number
         self.losses += recorder.losses
         for text in recorder.losses:

@@ -8,6 +8,7 @@ import click
 
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import echo, echo_lines, json_option, logs_argument, number, print_json, printable, table, tell
+from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -24,8 +25,9 @@ _MOST_DESCRIBED: Final = 3
 @click.command(name="info")
 @logs_argument
 @clock_option
+@where_option
 @json_option
-def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int:
+def command(logs: tuple[str, ...], clocks: dict[str, int], conditions: tuple[str, ...], as_json: bool) -> int:
     """Show what logs hold: files, runs, agents, events, span, and whether they were closed.
 
     Describes any MCAP file: profile, channels, schemas, times, chunks, compression, indexes, attachments, metadata.
@@ -36,7 +38,7 @@ def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int
     """
     from hrclog.log.reader import read_logs
 
-    read = read_logs(logs, signals=True, clocks=clocks)
+    read = read_logs(logs, signals=True, clocks=clocks, where=conditions)
     described = {file: facts for path in read.paths for file in _files_of(path) if (facts := _described(file))}
     diagnostics = _diagnostics(read, described)
     files, runs = _files(read), _runs(read)
@@ -115,17 +117,17 @@ def _runs(read: Logs) -> list[dict[str, Any]]:
 
     from hrclog.analyzers.projections.intervals import intervals
     from hrclog.analyzers.projections.runs import runs
+    from hrclog.analyzers.projections.tags import run_record
 
     events = read.events.group_by("run_id").agg(
         pl.len().alias("n_events"), pl.col("time_ns").min().alias("first_ns"), pl.col("time_ns").max().alias("last_ns")
     )
-    samples = read.signals.group_by("run_id").agg(pl.len().alias("n_signal_samples"))
-    rows = (
-        runs(read.events, intervals(read.events))
-        .join(events, on="run_id", how="left")
-        .join(samples, on="run_id", how="left")
-    )
-    return rows.with_columns(pl.col("n_signal_samples").fill_null(0)).to_dicts()
+    counts = {row["run_id"]: row for row in events.iter_rows(named=True)}
+    samples = dict(read.signals.group_by("run_id").len().iter_rows())
+    return [
+        run_record(row) | counts[row["run_id"]] | {"n_signal_samples": samples.get(row["run_id"], 0)}
+        for row in runs(read.events, intervals(read.events)).iter_rows(named=True)
+    ]
 
 
 def _file_table(files: list[dict[str, Any]]) -> str:
@@ -173,7 +175,7 @@ def _channel_table(facts: Description) -> str:
 
 
 def _run_table(runs: list[dict[str, Any]]) -> str:
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             row["name"],
             _instant(row["first_ns"]),
@@ -186,7 +188,11 @@ def _run_table(runs: list[dict[str, Any]]) -> str:
         )
         for row in runs
     ]
-    header = ("run", "began (UTC)", "agents", "executions", "failed", "open", "makespan s", "outcome")
+    header: tuple[str, ...] = ("run", "began (UTC)", "agents", "executions", "failed", "open", "makespan s", "outcome")
+    if any(row["tags"] for row in runs):
+        header = (*header, "tags")
+        tags = (", ".join(f"{key}={value}" for key, value in row["tags"].items()) for row in runs)
+        rows = [(*row, text) for row, text in zip(rows, tags, strict=True)]
     return table(header, rows, lambda i: 2 < i < 7)
 
 

@@ -16,6 +16,7 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
+from hrclog.log.annotations.beside import with_annotations
 from hrclog.log.bags.folder import is_bag
 from hrclog.log.checks import check_events, check_given_numbers, usable, without_copies
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks, on_one_clock
@@ -30,6 +31,8 @@ from hrclog.log.messages.signals import SIGNAL_COLUMNS, merged_samples
 from hrclog.log.never_set import with_left_out_zero, with_numbers, without_unset
 from hrclog.log.parts import complaints, decode_bag, decode_file
 from hrclog.log.runs.names import Joined, joined_splits, name_runs, named
+from hrclog.log.runs.tags import run_tags
+from hrclog.log.runs.where import ALL_RUNS, Condition, Where, conditions, matching_runs
 from hrclog.log.writing.journal import journal_path
 from hrclog.wording import counted
 
@@ -60,6 +63,7 @@ def read_logs(
     signals: bool = False,
     on_file: Callable[[Path], None] = lambda _: None,
     clocks: Clocks = NO_CLOCKS,
+    where: Where = ALL_RUNS,
 ) -> Logs:
     """Read logs, folders and globs.
 
@@ -68,10 +72,11 @@ def read_logs(
         signals: also read scalar and joint signals, and what was recorded of the scene.
         on_file: called after each file, for progress.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
+        where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
 
     Raises:
         LogReadError: nothing matched, or no file could be read at all.
-        HrclogError: no event names an agent of `clocks`, or an offset is none.
+        HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
     """
     arguments = _listed(arguments)
     paths = _find_paths(arguments)
@@ -81,17 +86,20 @@ def read_logs(
     if not parts:
         failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
         raise LogReadError(paths[0].parent, failure_text, "at least one log")
-    logs = _combine(parts, failures, clocks)
+    logs = _combine(parts, failures, clocks, conditions(where))
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in unread_logs(arguments, paths)]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 
-def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO_CLOCKS) -> pl.DataFrame:
+def read_events(
+    paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO_CLOCKS, where: Where = ALL_RUNS
+) -> pl.DataFrame:
     """Read the events of logs, folders and globs, ordered by (run_id, time_ns, seq).
 
     Args:
         paths: what to read.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
+        where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
 
     Returns:
         One row per event with the columns of `hrclog.log.messages.message.EVENTS`; instants in ns on the recorder's
@@ -99,12 +107,12 @@ def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO
 
     Raises:
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
-        HrclogError: no event names an agent of `clocks`, or an offset is none.
+        HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
     """
     parts, failures = _read_all(_find_paths(_listed(paths)))
     if failures:
         raise failures[0]
-    return _combine(parts, [], clocks).events
+    return _combine(parts, [], clocks, conditions(where)).events
 
 
 def _listed(arguments: object) -> list[str | Path]:
@@ -140,15 +148,22 @@ def _read_all(
     failures: list[LogReadError] = []
     for path in paths:
         try:
-            parts.append(read_log(path, signals=signals))
+            parts.append(_annotated(read_log(path, signals=signals), path))
         except LogReadError as error:
             failures.append(error)
         on_file(path)
     return parts, failures
 
 
+def _annotated(log: Logs, path: Path) -> Logs:
+    diagnostics = list(log.diagnostics)
+    return replace(log, events=with_annotations(log.events, path, diagnostics), diagnostics=diagnostics)
+
+
 def read_log(path: Path, *, signals: bool = False) -> Logs:
-    """Read one file or bag; its events are in the order of writing, and `seq` is null where the writer gave none.
+    """Read one file or bag, without annotations beside it.
+
+    Its events are in the order of writing, and `seq` is null where the writer gave none.
 
     Raises:
         LogReadError: it is missing, cannot be opened, or is no event log at all.
@@ -254,9 +269,44 @@ def _renamed(log: Logs, joined: Joined) -> Logs:
     return Logs(named(log.events, names), named(log.signals, names), diagnostics, log.paths, scene)
 
 
-def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks) -> Logs:
+def only_runs(logs: Logs, where: Where) -> Logs:
+    """Return what logs hold of some runs; what is known of files without such a run is left out too.
+
+    Args:
+        logs: what was read.
+        where: which runs, as of `read_logs`.
+
+    Raises:
+        HrclogError: no run is so.
+    """
+    wanted = conditions(where)
+    return _selected([logs], wanted)[0] if wanted else logs
+
+
+def _selected(parts: list[Logs], wanted: tuple[Condition, ...]) -> list[Logs]:
+    events = pl.concat([part.events.select("run_id", "kind", "seq", "details") for part in parts])
+    chosen = set(matching_runs(events["run_id"].unique().sort(), run_tags(events), wanted))
+    return [_of_runs(part, chosen) for part in parts]
+
+
+def _of_runs(part: Logs, chosen: set[str]) -> Logs:
+    is_chosen = pl.col("run_id").is_in(sorted(chosen))
+    events = part.events.filter(is_chosen)
+    left_out = set(part.events["path"].unique()) - set(events["path"].unique())
+    diagnostics = [
+        finding
+        for finding in part.diagnostics
+        if finding.path not in left_out and (not finding.run_id or finding.run_id in chosen)
+    ]
+    paths = [path for path in part.paths if str(path) not in left_out]
+    return Logs(events, part.signals.filter(is_chosen), diagnostics, paths, part.scene.only(chosen))
+
+
+def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks, wanted: tuple[Condition, ...]) -> Logs:
     # the result does not depend on the order of the arguments
     parts = _join_splits(sorted(parts, key=lambda part: part.paths))
+    if wanted:
+        parts = _selected(parts, wanted)
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
     diagnostics += [
         Diagnostic("unreadable_file", failure.reason, str(failure.path))
