@@ -10,7 +10,7 @@ from hrclog.event_rows import check_row, from_row, parse_details, to_row
 from hrclog.events import COLUMNS, EVENT_CLASSES, TASK_KINDS, Event, Outcome, Role, RunStarted, TaskFact
 from hrclog.ids import new_id
 from hrclog.log.messages.json_rows import row_from_object, short
-from hrclog.recorders.line_fields import check_fields, instant_of
+from hrclog.recorders.line_fields import RUN_FACTS, check_fields, instant_of
 from hrclog.recorders.sample_lines import SAMPLE_KINDS, is_sample, sample_of
 from hrclog.recorders.task_handle import instant
 from hrclog.wording import counted
@@ -18,8 +18,7 @@ from hrclog.wording import counted
 BEGINNINGS: Final = ("task_dispatched", "task_started")
 """Kinds of the first event of an execution."""
 
-_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed", "tags")
-_START_FIELDS: Final = (*COLUMNS, *_RUN_FACTS)
+_START_FIELDS: Final = (*COLUMNS, *RUN_FACTS)
 
 
 def run_facts(value: Mapping[str, Any]) -> dict[str, Any]:
@@ -32,8 +31,8 @@ def run_facts(value: Mapping[str, Any]) -> dict[str, Any]:
     row = row_from_object(value)
     details = parse_details(row["details"], RunStarted.kind)
     details.pop("segment", None)  # the recorder counts its own
-    from_details = {name: details.pop(name) for name in _RUN_FACTS if name in details}
-    stated = {name: value[name] for name in _RUN_FACTS if value.get(name) is not None}
+    from_details = {name: details.pop(name) for name in RUN_FACTS if name in details}
+    stated = {name: value[name] for name in RUN_FACTS if value.get(name) is not None}
     facts = {name: fact for name, fact in (from_details | stated).items() if fact is not None}
     facts["run"] = facts.pop("name", "")
     return facts | start_fact(value) | ({"details": details} if details else {})

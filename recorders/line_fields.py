@@ -12,6 +12,9 @@ from hrclog.errors import InvalidEventError
 from hrclog.events import LATEST_NS
 from hrclog.log.messages.json_rows import integer_column, short, text_column
 
+RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed", "tags")
+"""What `run_started` says of a run, beside the columns of an event."""
+
 _LONGEST: Final = 80  # characters of a name that similar ones are sought for
 _LARGEST: Final = int(sys.float_info.max)
 
@@ -29,10 +32,18 @@ def check_fields(value: Mapping[str, Any], known_names: Collection[str], owner: 
     """
     for name in value:
         if name not in known_names:
-            similar_names = difflib.get_close_matches(name[:_LONGEST].lower(), known_names, 1)
-            otherwise = "put further facts into details" if "details" in known_names else ", ".join(known_names)
-            hint = f"did you mean {similar_names[0]!r}?" if similar_names else otherwise
+            hint = _hint(name, known_names)
             raise InvalidEventError(f"found the unknown field {short(name)}, expected those of {owner}; {hint}")
+
+
+def _hint(name: str, known_names: Collection[str]) -> str:
+    """Return what to do with a field that is not known."""
+    if name in RUN_FACTS:
+        return "it belongs into the run_started of a run"
+    similar_names = difflib.get_close_matches(name[:_LONGEST].lower(), known_names, 1)
+    if similar_names:
+        return f"did you mean {similar_names[0]!r}?"
+    return "put further facts into details" if "details" in known_names else f"they are {', '.join(known_names)}"
 
 
 def text_of(kind: str, field: str, value: object) -> str:
