@@ -81,20 +81,21 @@ def record_stream(
 ) -> Recording:
     """Record runs from JSON lines until they end.
 
-    A line is an event with the fields of `TaskEvent`, or a sample of signals. `kind` must be there. `time_ns` defaults
-    to now, `outcome` to succeeded; `run_id` and `seq` are the recorder's. A start without an `execution_id` gets a new
-    one; another task event without one means the open execution of that agent and task. Unknown fields are refused;
-    further facts belong into `details`. Empty lines are passed over.
+    A line is an event with the fields of `TaskEvent`, or a sample of one of `SAMPLE_KINDS`. `kind` must be there.
+    `time_ns` defaults to now, `outcome` to succeeded; `seq` is the recorder's, and so is the `run_id` in the log. A
+    start without an `execution_id` gets a new one; another task event without one means the open execution of that
+    agent and task. Unknown fields are refused; further facts belong into `details`. Empty lines are passed over.
 
     A run begins with the first line that can be recorded, at its `time_ns` if it has one. A `run_started` line also
-    gives the name, the agents and its other fields; one that follows task events begins another run. A run ends with
-    `run_ended`, with the `run_started` of another run, or with the lines; where no `run_ended` ends it, then at the
-    `time_ns` of its last line, if that line has one. The first run goes to `path`, each further one to the first free
-    name of NAME-run2.mcap, NAME-run3.mcap and so on.
+    gives the name, the agents and its other fields; one that follows task events begins another run, as does a line
+    with a new `run_id` or `run`. A run ends with `run_ended`, with the start of another run if its lines do not name
+    it, or with the lines; where no `run_ended` ends it, then at the `time_ns` of its last line, if that line has one.
+    Runs that lines name go on side by side, `MAX_OPEN` at most. The first run goes to `path`, each further one to the
+    first free name of NAME-run2.mcap, NAME-run3.mcap and so on.
 
     Args:
         lines: text lines.
-        path: the log of the first run; missing folders are made.
+        path: the log of the first run; missing folders are made, and a symbolic link is the file that it points to.
         run: name of the first run; default what its `run_started` says, or the file's.
         resume: the first run continues the one that is at `path`.
         fsync: each event also survives a crash of the operating system.

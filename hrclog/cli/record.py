@@ -89,10 +89,11 @@ def command(
 ) -> int:
     """Record a run from JSON lines on standard input, until it closes.
 
-    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names; or a sample of signals: kind
-    signal, `name` and `value`, or `values` by name. `time_ns` defaults to now; a first line of kind run_started may
-    name the run; a task_ended without `execution_id` ends the open execution of that agent and task. A further
-    run_started begins another run, in a log of its own: OUT-run2.mcap, OUT-run3.mcap and so on. A line that cannot be
+    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names; or a sample, of kind signal,
+    joints, pose, scene or description: docs/recording.md. `time_ns` defaults to now; a first line of kind run_started
+    may name the run, and give its tags; a task_ended without `execution_id` ends the open execution of that agent and
+    task. A further run_started begins another run, in a log of its own: OUT-run2.mcap, OUT-run3.mcap and so on; so does
+    a new `run` or `run_id` in any line, and runs that lines name so may go on side by side. A line that cannot be
     recorded is reported with its number, and the rest goes on (exit code 3).
 
     \b
