@@ -54,6 +54,7 @@ class EventRecorder:
         path: the log to be.
         run_id: of the run.
         losses: what of the run was found lost when it was resumed, in words.
+        resumed_ns: the latest instant of the run before it was resumed, None for a new run.
 
     Args:
         segment: where to write, and what the run has come to before.
@@ -71,6 +72,7 @@ class EventRecorder:
         self.path = segment.path
         self.run_id = segment.run_id
         self.losses = segment.told
+        self.resumed_ns = segment.last_ns if segment.number > 1 else None
         self._clock_ns = clock_ns
         self._journal: Journal | None = None
         self._lock = threading.RLock()

@@ -261,7 +261,7 @@ class _Runs:
         for text in recorder.losses:
             self.hooks.on_loss(text)
         self._may_have_missed_start = False
-        run = LineRun(recorder, number, opening, key=label.key or name, first_ns=facts.get("time_ns"))
+        run = LineRun(recorder, number, opening, key=label.key or name, first_ns=_first_ns(recorder, facts))
         if run.key:
             self._by_key[run.key] = run
         self._open[number] = run
@@ -308,6 +308,12 @@ class _Runs:
             self._current = None
         self.finished.append(result)
         self.hooks.on_run(result)
+
+
+def _first_ns(recorder: Recorder, facts: Mapping[str, Any]) -> int | None:
+    """Return an instant by which the clock of a run that begins is known, None if nothing tells it."""
+    stated: int | None = facts.get("time_ns")
+    return stated if recorder.resumed_ns is None else recorder.resumed_ns
 
 
 def _free_path(path: Path) -> Path:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import click
 
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from hrclog.recorders.line_run import Recorded
     from hrclog.recorders.sample_lines import Sample
     from hrclog.recorders.stdin import Hooks, Recording, Refused
+
+
+MAX_CHARACTERS: Final = 1 << 26
+"""Longest line; of a longer one the end is not read, and so it is refused."""
 
 
 class _Stop(Exception):  # noqa: N818 - a request, not an error
@@ -56,7 +60,7 @@ class _Input:
     def _next(self) -> str:
         try:
             self._waiting = True
-            return "" if self.stopped else sys.stdin.readline()
+            return "" if self.stopped else _line()
         except _Stop:
             return ""
         finally:
@@ -66,6 +70,15 @@ class _Input:
         self.stopped = True
         if self._waiting:  # elsewhere an event is being written, which must not be interrupted
             raise _Stop
+
+
+def _line() -> str:
+    """Return the next line of standard input; of one that is too long only its beginning, so that memory suffices."""
+    line = rest = sys.stdin.readline(MAX_CHARACTERS)
+    while len(rest) == MAX_CHARACTERS and not rest.endswith("\n"):
+        rest = sys.stdin.readline(MAX_CHARACTERS)
+        line = f"{line[:MAX_CHARACTERS]}…"
+    return line
 
 
 @click.command(name="record")

@@ -61,3 +61,14 @@ def test_each_kind_of_sample_is_acknowledged(
         {"descriptions": ["robot"]},
     ]
     assert "poses of 'cube' are recorded and not drawn" in result.err
+
+
+def test_a_line_without_an_end_costs_no_memory_and_no_other_line(
+    tmp_path: Path, run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hrclog.cli.record.MAX_CHARACTERS", 60)
+    lines = [LINES[0], LINES[0][:-1] + " " * 400 + "}", LINES[1], "x" * 60, LINES[2], "y" * 61, "z" * 120]
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(lines)))
+    result = run("record", tmp_path / "run.mcap", "--json")
+    assert (result.code, result.json()["n_events"], result.json()["n_refused"]) == (3, 3, 4)
+    assert [f"line {number}:" in result.err for number in range(1, 8)] == [False, True, False, True, False, True, True]

@@ -175,3 +175,11 @@ def test_the_first_run_that_is_named_is_the_one_that_is_resumed(tmp_path: Path) 
     runs, refused = record([task("ended", 2, run="a"), task("started", 3, run="b")], path, resume=True)
     assert refused == []
     assert [(run.path.name, name_of(run.path)) for run in runs] == [("cell.2.mcap", "a"), ("cell-run2.mcap", "b")]
+
+
+def test_the_clock_of_a_run_that_is_resumed_is_known(tmp_path: Path) -> None:
+    path = tmp_path / "cell.mcap"
+    simulated = [{"kind": "heartbeat", "time_ns": time} for time in (0, 11 * 10**8)]
+    record(simulated, path)
+    runs, refused = record([{"kind": "heartbeat"}, {"kind": "heartbeat", "time_ns": 12 * 10**8}], path, resume=True)
+    assert (refused, runs[0].n_events) == ([], 2)
