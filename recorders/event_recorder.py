@@ -196,8 +196,12 @@ class EventRecorder:
         """Write samples of signals: all of them, or none."""
         with self._lock:
             now = self._now()
-            timed = (replace(signal, time_ns=now) if signal.time_ns == NOW else signal for signal in signals)
-            self._open_journal().append(*[signal_message(signal, now) for signal in timed])
+            self._open_journal().append(
+                *[
+                    signal_message(replace(signal, time_ns=now) if signal.time_ns == NOW else signal, now)
+                    for signal in signals
+                ]
+            )
 
     def _remember(self, event: Event, state: ExecutionState | None) -> None:
         """Remember what was written."""

@@ -264,15 +264,17 @@ class Recorder(EventRecorder):
 
     def signal(self, name: str, value: float, *, time_ns: int | None = None) -> None:
         """Record a sample of a scalar signal."""
-        self.signals({name: value}, time_ns=time_ns)
+        self._sample(self._float_signal(name, value, instant(time_ns)))
 
     def signals(self, values: Mapping[str, float], *, time_ns: int | None = None) -> None:
         """Record samples of scalar signals by their names, at one instant: all of them, or none."""
-        for name in values:
-            if not isinstance(name, str) or not name.strip():
-                raise InvalidEventError(f"{self.path}: found {name!r} as the name of a signal, expected a text")
         time = instant(time_ns)
-        self._sample(*[FloatSignal(self.run_id, name, time, _number(value)) for name, value in values.items()])
+        self._sample(*[self._float_signal(name, value, time) for name, value in values.items()])
+
+    def _float_signal(self, name: str, value: float, time_ns: int) -> FloatSignal:
+        if not isinstance(name, str) or not name.strip():
+            raise InvalidEventError(f"{self.path}: found {name!r} as the name of a signal, expected a text")
+        return FloatSignal(self.run_id, name, time_ns, _number(value))
 
     def joints(
         self, agent: str, names: Sequence[str], positions: Sequence[float], *, time_ns: int | None = None
