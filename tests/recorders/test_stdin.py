@@ -230,6 +230,8 @@ FIRST_LINES = [
     line(kind="run_begun", time_ns=5),
     line(kind="run_started", agents=["H", 5], time_ns=5),
     line(kind="run_started", operator="P07", time_ns=5),
+    line(kind="run_started", tags=["P07"], time_ns=5),
+    line(kind="run_started", tags={"participant": None}, time_ns=5),
     line(kind="task_ended", agent="robot", task="pick", time_ns=5),
     line(kind="task_started", agent="robot", time_ns=5),
     line(kind="signal", name="x", time_ns=5),
