@@ -55,8 +55,16 @@ ARROWS: Mapping[str, str] = {
     "recorders.segments": "log",
     "recorders.event_recorder": "log recorders.segments recorders.task_handle",
     "recorders.recorder": "log recorders.event_recorder recorders.segments recorders.task_handle",
-    "recorders.json_lines": "log recorders.task_handle",
-    "recorders.stdin": "log recorders.json_lines recorders.recorder recorders.segments",
+    "recorders.line_fields": "log",
+    "recorders.line_times": "log",
+    "recorders.run_label": "log",
+    "recorders.sample_lines": "log recorders.line_fields recorders.recorder",
+    "recorders.json_lines": "log recorders.line_fields recorders.sample_lines recorders.task_handle",
+    "recorders.line_run": "recorders.json_lines recorders.recorder recorders.sample_lines",
+    "recorders.stdin": (
+        "log recorders.json_lines recorders.line_run recorders.line_times recorders.recorder recorders.run_label "
+        "recorders.sample_lines recorders.segments"
+    ),
     "recorders.annotate": "log",
     "recorders.executors": "log recorders.clock",
     "recorders.dispatch": "planning recorders.clock recorders.event_recorder recorders.recorder recorders.executors",
