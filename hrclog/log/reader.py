@@ -6,6 +6,7 @@ diagnostic, and one bad file never hides the others.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,9 +20,10 @@ from hrclog.errors import LogReadError
 from hrclog.log.bags.folder import is_bag
 from hrclog.log.checks import check_events, check_given_numbers, usable, without_copies
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks, on_one_clock
-from hrclog.log.files.discover import find_logs, unread_logs
+from hrclog.log.files.discover import Discovery, discover
 from hrclog.log.files.system import exists
 from hrclog.log.losses import annotated_losses
+from hrclog.log.messages.channels import EVENTS_TOPIC
 from hrclog.log.messages.decode import EVENT_COLUMNS
 from hrclog.log.messages.failures import Complain
 from hrclog.log.messages.message import EVENTS
@@ -44,7 +46,8 @@ class Logs:
     """What a set of files holds.
 
     `events` has the columns of `hrclog.log.messages.message.EVENTS` in the order `ORDER`; `signals` has
-    `SIGNAL_COLUMNS`. Signals and scene are empty unless they were asked for.
+    `SIGNAL_COLUMNS`. Signals and scene are empty unless they were asked for. `is_foreign` tells of a single recording
+    that it is whole and has topics, and none of events.
     """
 
     events: pl.DataFrame
@@ -52,6 +55,7 @@ class Logs:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     paths: list[Path] = field(default_factory=list)
     scene: RecordedScene = field(default_factory=RecordedScene)
+    is_foreign: bool = False
 
 
 def read_logs(
@@ -73,16 +77,15 @@ def read_logs(
         LogReadError: nothing matched, or no file could be read at all.
         HrclogError: no event names an agent of `clocks`, or an offset is none.
     """
-    arguments = _listed(arguments)
-    paths = _find_paths(arguments)
-    parts, failures = _read_all(paths, on_file, signals=signals)
+    discovery = _discover(_listed(arguments))
+    parts, failures = _read_all(discovery, on_file, signals=signals)
     if len(failures) == 1 and not parts:
         raise failures[0]
     if not parts:
         failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
-        raise LogReadError(paths[0].parent, failure_text, "at least one log")
-    logs = _combine(parts, failures, clocks)
-    notes = [Diagnostic("unread_logs", text, str(path)) for path, text in unread_logs(arguments, paths)]
+        raise LogReadError(failures[0].path.parent, failure_text, "at least one log")
+    logs = _combine(_without_foreign(parts, discovery.named), failures, clocks)
+    notes = [Diagnostic("unread_logs", text, str(path)) for path, text in discovery.unread]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 
@@ -101,7 +104,7 @@ def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
         HrclogError: no event names an agent of `clocks`, or an offset is none.
     """
-    parts, failures = _read_all(_find_paths(_listed(paths)))
+    parts, failures = _read_all(_discover(_listed(paths)))
     if failures:
         raise failures[0]
     return _combine(parts, [], clocks).events
@@ -125,26 +128,51 @@ def _listed(arguments: object) -> list[str | Path]:
     return paths
 
 
-def _find_paths(arguments: list[str | Path]) -> list[Path]:
-    paths = find_logs(arguments)
-    if not paths:
+def _discover(arguments: list[str | Path]) -> Discovery:
+    """Find the logs.
+
+    Raises:
+        LogReadError: there is none.
+    """
+    discovery = discover(arguments)
+    if not discovery.logs and not discovery.unreadable:
         names = ", ".join(map(str, arguments)) or "no argument"
-        raise LogReadError(names, "no log", "paths, folders or globs of .mcap files")
-    return paths
+        remedy = "; ".join(f"{path}: {text}" for path, text in discovery.unread)
+        raise LogReadError(names, "no log", "paths, folders or globs of .mcap files", remedy)
+    return discovery
 
 
 def _read_all(
-    paths: list[Path], on_file: Callable[[Path], None] = lambda _: None, *, signals: bool = False
+    discovery: Discovery, on_file: Callable[[Path], None] = lambda _: None, *, signals: bool = False
 ) -> tuple[list[Logs], list[LogReadError]]:
     parts: list[Logs] = []
-    failures: list[LogReadError] = []
-    for path in paths:
+    failures = [
+        LogReadError(folder, f"a folder that cannot be opened ({reason})", "one to be searched for logs")
+        for folder, reason in discovery.unreadable
+    ]
+    for path in discovery.logs:
         try:
             parts.append(read_log(path, signals=signals))
         except LogReadError as error:
             failures.append(error)
         on_file(path)
     return parts, failures
+
+
+def _without_foreign(parts: list[Logs], named: frozenset[Path]) -> list[Logs]:
+    """Make mere notes of recordings of another system that lie in a folder beside logs with events: none is lost."""
+    if not any(part.events.height for part in parts):
+        return parts
+    return [
+        replace(part, diagnostics=[_as_note(finding) for finding in part.diagnostics])
+        if part.is_foreign and named.isdisjoint(part.paths)
+        else part
+        for part in parts
+    ]
+
+
+def _as_note(finding: Diagnostic) -> Diagnostic:
+    return replace(finding, code="not_imported") if finding.code == "no_events" else finding
 
 
 def read_log(path: Path, *, signals: bool = False) -> Logs:
@@ -156,6 +184,8 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     diagnostics: list[Diagnostic] = []
     complain = complaints(path, diagnostics)
     if not exists(path):
+        if os.path.islink(path):  # noqa: PTH114 - that of a path fails on names that are too long
+            raise LogReadError(path, f"a link to {path.readlink()}, which is not there", "an event log")
         journal = journal_path(path)
         remedy = f"its recorder was killed: hrclog recover {journal}" if exists(journal) else "check the path"
         raise LogReadError(path, "nothing", "an event log", remedy)
@@ -168,8 +198,10 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     for text in texts:
         complain("no_run_id", text, None)
     events = _stacked(frames, EVENT_COLUMNS).with_columns(pl.lit(str(path)).alias("path"))
+    is_foreign = False
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         topics = sum((content.topics for content in decoded.values()), Counter[tuple[str, str]]())
+        is_foreign = bool(topics) and not any(topic.endswith(EVENTS_TOPIC) for topic, _ in topics)
         complain("no_events", f"the log carries no task events; {_topics_text(topics)}", None)
     is_nameless = any(diagnostic.code == "no_run_id" for diagnostic in diagnostics)
     run_ids = events["run_id"].unique().to_list()
@@ -182,7 +214,7 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         samples.append(_samples(content.signals, run_id, is_nameless=is_nameless))
         scenes.append(recorded_scene(content.scene, run_id, lambda text: complain("invalid_scene", text, None)))
     scene = scenes[0] if len(scenes) == 1 else merged(scenes)
-    return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene)
+    return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene, is_foreign)
 
 
 def _stacked(frames: list[pl.DataFrame], schema: pl.Schema) -> pl.DataFrame:
