@@ -18,7 +18,8 @@ from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS, E
 from hrclog.analyzers.synergy.observations import observe
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, Outliers
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.reader import Logs, only_runs, read_logs
+from hrclog.log.runs.where import ALL_RUNS, Where
 
 
 def analyze(
@@ -32,6 +33,7 @@ def analyze(
     workers: int = 1,
     on_draws: Callable[[int], None] = lambda _: None,
     clocks: Clocks = NO_CLOCKS,
+    where: Where = ALL_RUNS,
 ) -> Analysis:
     """Read logs, folders and globs, and analyse their runs.
 
@@ -45,16 +47,17 @@ def analyze(
         workers: processes for the resampling.
         on_draws: called with the number of further draws done, for progress.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
+        where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
 
     Raises:
         PluginError: the estimator or outlier method is not known.
         EstimatorError: the estimator failed, or returned no fit.
         LogReadError: nothing matched, or no file could be read.
-        HrclogError: no event names an agent of `clocks`, or an offset is none.
+        HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
     """
     names = _check_names(estimator, outliers)  # before the logs are read
     return analyze_logs(
-        paths if isinstance(paths, Logs) else _read(paths, on_file, clocks),
+        only_runs(paths, where) if isinstance(paths, Logs) else _read(paths, on_file, clocks, where),
         *names,
         bootstrap=bootstrap,
         seed=seed,
@@ -63,9 +66,11 @@ def analyze(
     )
 
 
-def _read(paths: str | Path | Iterable[str | Path], on_file: Callable[[Path], None], clocks: Clocks) -> Logs:
+def _read(
+    paths: str | Path | Iterable[str | Path], on_file: Callable[[Path], None], clocks: Clocks, where: Where
+) -> Logs:
     listed = [paths] if isinstance(paths, str | Path) else paths
-    return read_logs(listed, signals=True, on_file=on_file, clocks=clocks)
+    return read_logs(listed, signals=True, on_file=on_file, clocks=clocks, where=where)
 
 
 def analyze_logs(

@@ -107,6 +107,7 @@ class RunStarted(Event):
     software: Mapping[str, str] = field(default_factory=dict)
     seed: int | None = None
     segment: int = 1
+    tags: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,7 +24,7 @@ SIGNAL: Final = "signal"
 BEGINNINGS: Final = ("task_dispatched", "task_started")
 """Kinds of the first event of an execution."""
 
-_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed")
+_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed", "tags")
 _SIGNAL_FIELDS: Final = ("kind", "name", "value", "values", "time_ns")
 _UNITS: Final = (("seconds", 1), ("milliseconds", 10**3), ("microseconds", 10**6))
 _FIRST_S: Final = 946_684_800  # 2000-01-01

@@ -29,6 +29,7 @@ from hrclog.log.messages.encode import DescriptionSignal, FloatSignal, JointSign
 from hrclog.recorders.event_recorder import EventRecorder, steady_clock
 from hrclog.recorders.segments import first_segment, next_segment
 from hrclog.recorders.task_handle import NOW, TaskHandle, as_details, instant
+from hrclog.tags import checked_tags
 
 __all__ = ["Recorder", "TaskHandle"]
 
@@ -54,6 +55,7 @@ class Recorder(EventRecorder):
         dispatch_mode: how tasks are handed out.
         software: names and versions worth keeping.
         seed: of whatever is random.
+        tags: facts that tell runs apart, by key: the participant, the condition, the trial.
         details: anything else about the run that JSON can hold.
         time_ns: when the run began.
         resume: continue the run that is at `path`, in a further segment beside it.
@@ -78,6 +80,7 @@ class Recorder(EventRecorder):
         dispatch_mode: str = "",
         software: Mapping[str, str] | None = None,
         seed: int | None = None,
+        tags: Mapping[str, str | float] | None = None,
         details: Mapping[str, Any] | None = None,
         time_ns: int | None = None,
         resume: bool = False,
@@ -85,6 +88,7 @@ class Recorder(EventRecorder):
         clock_ns: Callable[[], int] | None = None,
     ) -> None:
         check_facts(run, agents, software, seed)
+        tags = checked_tags(tags)
         target = log_path(path)
         segment = next_segment(target) if resume else first_segment(target)
         started = RunStarted(
@@ -97,6 +101,7 @@ class Recorder(EventRecorder):
             software=as_details(software),
             seed=seed,
             segment=segment.number,
+            tags=tags,
             details=as_details(details),
         )
         super().__init__(segment, started, fsync=fsync, clock_ns=clock_ns or steady_clock())

@@ -27,6 +27,7 @@ from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
 from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.messages.message import EVENTS
 from hrclog.log.reader import Logs, read_logs
+from hrclog.log.runs.where import ALL_RUNS, Where
 from hrclog.plugins import PluginError
 from hrclog.wording import counted
 
@@ -47,6 +48,7 @@ def ingest_logs(
     on_file: Callable[[Path], None] = lambda _: None,
     *,
     clocks: Clocks = NO_CLOCKS,
+    where: Where = ALL_RUNS,
 ) -> Ingested:
     """Take in the runs of logs, folders and globs; what was taken in before adds nothing.
 
@@ -55,13 +57,14 @@ def ingest_logs(
         paths: what to read; the segments of a run belong together in one call.
         on_file: called after each file, for progress.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
+        where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
 
     Raises:
         LogReadError: nothing matched, or no file could be read.
-        HrclogError: no event names an agent of `clocks`, or an offset is none.
+        HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
         KnowledgeError: the database fails.
     """
-    logs = read_logs(paths, on_file=on_file, clocks=clocks)
+    logs = read_logs(paths, on_file=on_file, clocks=clocks, where=where)
     ingested = ingest(kb, logs.events, _conflicting_ids(logs))
     return replace(ingested, diagnostics=[*logs.diagnostics, *ingested.diagnostics])
 
@@ -122,6 +125,7 @@ def rebuild(
     on_file: Callable[[Path], None] = lambda _: None,
     *,
     clocks: Clocks = NO_CLOCKS,
+    where: Where = ALL_RUNS,
 ) -> Ingested:
     """Rebuild everything from logs and swap it in at once; only withdrawals are kept.
 
@@ -132,13 +136,14 @@ def rebuild(
         outliers: as in `update_statistics`.
         on_file: called after each file, for progress.
         clocks: as in `ingest_logs`.
+        where: as in `ingest_logs`.
 
     Raises:
         LogReadError: nothing matched, or no file could be read.
-        HrclogError: no event names an agent of `clocks`, or an offset is none.
+        HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
         KnowledgeError: the database fails; nothing has changed then.
     """
-    logs = read_logs(paths, on_file=on_file, clocks=clocks)
+    logs = read_logs(paths, on_file=on_file, clocks=clocks, where=where)
     records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting_ids(logs))))
     lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
     if lost and loses_data(logs.diagnostics):

@@ -15,6 +15,7 @@ from hrclog.analyzers.synergy.estimators import EstimatorName
 from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
 from hrclog.log.reader import read_logs
+from hrclog.log.runs.where import ALL_RUNS, Where
 
 Paths = str | Path | Iterable[str | Path]
 
@@ -30,6 +31,7 @@ def score(
     static: bool = False,
     transfer_deviation: float = 0.0,
     clocks: Clocks = NO_CLOCKS,
+    where: Where = ALL_RUNS,
 ) -> Score:
     """Say how well estimators predict durations and makespans that they have not seen.
 
@@ -46,21 +48,22 @@ def score(
         static: do not learn from test runs that have ended.
         transfer_deviation: with `static`, standard deviation of log durations between sessions, if it is known.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
+        where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
 
     Raises:
         PluginError: an estimator is not known.
         LogReadError: nothing matched, or no file could be read.
         HrclogError: there are too few runs, or a run is on both sides.
     """
-    train = _read_intervals(logs, clocks)
+    train = _read_intervals(logs, clocks, where)
     if test is None:
         return summed_up(cross_validate(train, folds, seed, estimators, outliers))
-    test_intervals = _read_intervals(test, clocks)
+    test_intervals = _read_intervals(test, clocks, where)
     if static:
         return summed_up(predict_static(train, test_intervals, estimators, outliers, transfer_deviation))
     return summed_up(predict_prequential(train, test_intervals, estimators, outliers))
 
 
-def _read_intervals(logs: Paths, clocks: Clocks) -> pl.DataFrame:
+def _read_intervals(logs: Paths, clocks: Clocks, where: Where) -> pl.DataFrame:
     paths = [logs] if isinstance(logs, str | Path) else logs
-    return rebuild(read_logs(paths, clocks=clocks).events)[0]
+    return rebuild(read_logs(paths, clocks=clocks, where=where).events)[0]

@@ -10,9 +10,11 @@ import polars as pl
 
 from hrclog.analyzers.projections.intervals import top_level
 from hrclog.analyzers.projections.schemas import RUNS
+from hrclog.analyzers.projections.tags import with_tags
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import UNKNOWN_OUTCOME, Outcome
+from hrclog.log.runs.tags import run_tags
 
 _FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)
 
@@ -20,7 +22,7 @@ _FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)
 def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
     """Return a frame of schema `RUNS`, one row per run that has events, ordered by (start_ns, run_id).
 
-    A run without a name takes its file's.
+    A run without a name takes its file's. Tags of the runs are further columns.
 
     Args:
         events: an events frame.
@@ -54,7 +56,8 @@ def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
             .alias("name"),
         )
     )
-    return rows.select(RUNS.names()).cast(RUNS).sort("start_ns", "run_id", nulls_last=True)
+    table = rows.select(RUNS.names()).cast(RUNS).sort("start_ns", "run_id", nulls_last=True)
+    return with_tags(table, run_tags(events))
 
 
 def _facts(events: pl.DataFrame) -> pl.DataFrame:

@@ -22,10 +22,12 @@ from hrclog.cli.common import (
     outliers_option,
     tell,
 )
+from hrclog.cli.where_option import where_option
 
 if TYPE_CHECKING:
     from hrclog.analyzers.result import Analysis
     from hrclog.log.clocks.correction import Clocks
+    from hrclog.log.runs.where import Where
 
 
 def _recordings(_: click.Context, __: click.Parameter, value: str) -> int | None:
@@ -58,6 +60,7 @@ def _recordings(_: click.Context, __: click.Parameter, value: str) -> int | None
     help="How many runs to draw one by one; beyond it they are taken evenly spread.",
 )
 @clock_option
+@where_option
 @json_option
 def command(
     logs: tuple[str, ...],
@@ -69,6 +72,7 @@ def command(
     workers: int,
     recordings: int | None,
     clocks: dict[str, int],
+    conditions: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Rebuild what happened in recorded runs and estimate durations, overlaps and synergies.
@@ -90,6 +94,7 @@ def command(
         workers=workers,
         recordings=recordings,
         clocks=clocks,
+        where=conditions,
         as_json=as_json,
     )
     return tell(analysis.diagnostics)
@@ -106,6 +111,7 @@ def analyse(
     workers: int = 1,
     recordings: int | None = 200,
     clocks: Clocks | None = None,
+    where: Where = (),
     as_json: bool = False,
 ) -> Analysis:
     """Analyse logs, write everything to a folder and print the result."""
@@ -126,6 +132,7 @@ def analyse(
         workers=workers,
         on_draws=draws.advance,
         clocks=clocks or {},
+        where=where,
     )
     draws.done()
     reading.done()

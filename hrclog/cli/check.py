@@ -6,6 +6,7 @@ import click
 
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import EXIT_FAILED, Progress, echo, json_option, logs_argument, print_json, tell
+from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
 
@@ -13,8 +14,11 @@ from hrclog.wording import counted
 @logs_argument
 @click.option("--strict", is_flag=True, help="Exit 1 on warnings too.")
 @clock_option
+@where_option
 @json_option
-def command(logs: tuple[str, ...], strict: bool, clocks: dict[str, int], as_json: bool) -> int:
+def command(
+    logs: tuple[str, ...], strict: bool, clocks: dict[str, int], conditions: tuple[str, ...], as_json: bool
+) -> int:
     """Check logs for damage and doubtful data; writes nothing.
 
     Exit code: 0 all is there, 3 data was lost or cannot be used, with --strict 1 on warnings.
@@ -30,7 +34,7 @@ def command(logs: tuple[str, ...], strict: bool, clocks: dict[str, int], as_json
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")
-    read = read_logs(logs, signals=True, on_file=reading, clocks=clocks)
+    read = read_logs(logs, signals=True, on_file=reading, clocks=clocks, where=conditions)
     reading.done()
     executions, illegal = rebuild(read.events)
     table = runs(read.events, executions)

@@ -22,6 +22,7 @@ from hrclog.cli.common import (
     table,
     tell,
 )
+from hrclog.cli.where_option import where_option, where_options
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -44,6 +45,9 @@ Row = dict[str, Any]
 @outliers_option
 @bootstrap_options(200)
 @clock_option
+@where_option
+@where_options("--where-a", "conditions_a", "Of A read only runs whose tags are so. Repeatable.")
+@where_options("--where-b", "conditions_b", "Of B read only runs whose tags are so. Repeatable.")
 @json_option
 def command(
     sides: tuple[str, ...],
@@ -54,27 +58,38 @@ def command(
     seed: int,
     workers: int,
     clocks: dict[str, int],
+    conditions: tuple[str, ...],
+    conditions_a: tuple[str, ...],
+    conditions_b: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Compare two sets of runs: planners, days, safety settings.
 
     A and B are each a log, a folder of logs or a glob in quotes. Differences are B - A, ratios B / A, with 95 %
-    intervals from whole runs drawn with repetition. The columns are described in docs/compare.md.
+    intervals from whole runs drawn with repetition. With --where-a and --where-b one argument does: the runs of both
+    are told apart by their tags. The columns are described in docs/compare.md.
 
     \b
     Example:
       hrclog compare 'runs/baseline_*.mcap' 'runs/synergistic_*.mcap'
+      hrclog compare runs --where-a condition=baseline --where-b condition=synergy
     """
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.comparison.compare import compare
     from hrclog.analyzers.output import check_writable
 
+    if len(sides) == 1 and conditions_a and conditions_b:
+        sides = sides * 2
     if len(sides) != 2:
         raise click.UsageError(f"found {len(sides)} arguments, expected A and B; put a glob in quotes: 'runs/a_*.mcap'")
     if output is not None:
         check_writable(output)
     reading = Progress("reading logs")
-    a, b = (analyze(side, estimator, outliers, reading, clocks=clocks) for side in sides)
+    wanted = ((*conditions, *conditions_a), (*conditions, *conditions_b))
+    a, b = (
+        analyze(side, estimator, outliers, reading, clocks=clocks, where=where)
+        for side, where in zip(sides, wanted, strict=True)
+    )
     reading.done()
     drawing = Progress("drawing runs anew", 2 * bootstrap)
     comparison = compare(a, b, bootstrap=bootstrap, seed=seed, workers=workers, on_draws=drawing.advance)

@@ -11,6 +11,7 @@ from hrclog.analyzers.exporters.exporters import EXPORTERS
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import Progress, echo, json_option, logs_argument, print_json, tell
 from hrclog.cli.names import NameOf
+from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "syne
     help="Of csv: leave texts as they are that a spreadsheet would run; else they get a leading '.",
 )
 @clock_option
+@where_option
 @json_option
 def command(
     logs: tuple[str, ...],
@@ -47,6 +49,7 @@ def command(
     tables: tuple[str, ...],
     keep_formulas: bool,
     clocks: dict[str, int],
+    conditions: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Write events, intervals, overlaps, durations, synergies, runs, metrics and signals as CSV or Parquet.
@@ -65,7 +68,7 @@ def command(
         raise click.UsageError(f"--keep-formulas is for --format csv; {kind} keeps all texts as they are")
     check_writable(output)
     reading = Progress("reading logs")
-    analysis = analyze(logs, on_file=reading, clocks=clocks)
+    analysis = analyze(logs, on_file=reading, clocks=clocks, where=conditions)
     reading.done()
     exporter = _exporter(kind, keep_formulas=keep_formulas)
     written = [write_table(exporter, getattr(analysis, name), output, name) for name in tables or TABLES]

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from hrclog.cli.common import Progress, echo, echo_lines, print_json, table, tell
+from hrclog.cli.tag_option import tag_option
 from hrclog.recorders.importers.importer import Imported, Importer, Option, Remark
 from hrclog.recorders.importers.importers import IMPORTERS
 from hrclog.wording import counted
@@ -44,10 +45,16 @@ def _command(importer: Importer) -> click.Command:
             click.Argument(["sources"], nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)),
             click.Option(["-o", "--output"], type=click.Path(path_type=Path), help="Folder for the logs."),
             *map(_option, importer.options),
+            *([] if _takes_tags(importer) else [tag_option("run_tags")]),
             *([_DRY_RUN] if importer.may_only_show else []),
             click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output."),
         ],
     )
+
+
+def _takes_tags(importer: Importer) -> bool:
+    """Return whether an importer has tags of its own making; all others are given those of `--tag`."""
+    return any(option.name == "tag" for option in importer.options)
 
 
 def _option(option: Option) -> click.Option:

@@ -8,6 +8,7 @@ import click
 
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import echo, echo_lines, json_option, logs_argument, number, print_json, printable, table, tell
+from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -24,8 +25,9 @@ _MOST_DESCRIBED: Final = 3
 @click.command(name="info")
 @logs_argument
 @clock_option
+@where_option
 @json_option
-def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int:
+def command(logs: tuple[str, ...], clocks: dict[str, int], conditions: tuple[str, ...], as_json: bool) -> int:
     """Show what logs hold: files, runs, agents, events, span, and whether they were closed.
 
     Describes any MCAP file: profile, channels, schemas, times, chunks, compression, indexes, attachments, metadata.
@@ -36,7 +38,7 @@ def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int
     """
     from hrclog.log.reader import read_logs
 
-    read = read_logs(logs, signals=True, clocks=clocks)
+    read = read_logs(logs, signals=True, clocks=clocks, where=conditions)
     described = {file: facts for path in read.paths for file in _files_of(path) if (facts := _described(file))}
     diagnostics = _diagnostics(read, described)
     files, runs = _files(read), _runs(read)

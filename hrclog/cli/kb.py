@@ -16,6 +16,7 @@ from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import EXIT_FINE, Progress, echo_lines, json_option, logs_argument, print_json, tell
 from hrclog.cli.known_times import VARIABLE
 from hrclog.cli.names import NameOf
+from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -62,8 +63,11 @@ def command() -> None:
 @logs_argument
 @kb_option
 @clock_option
+@where_option
 @json_option
-def ingest(logs: tuple[str, ...], where: str, clocks: dict[str, int], as_json: bool) -> int:
+def ingest(
+    logs: tuple[str, ...], where: str, clocks: dict[str, int], conditions: tuple[str, ...], as_json: bool
+) -> int:
     """Take in the runs of logs; what was taken in before adds nothing. Statistics stay as they are.
 
     \b
@@ -71,7 +75,7 @@ def ingest(logs: tuple[str, ...], where: str, clocks: dict[str, int], as_json: b
       hrclog kb ingest runs/*.mcap --kb kb.sqlite
     """
     with _open_kb(where, create=True) as kb:
-        ingested = _ingest(kb, logs, clocks)
+        ingested = _ingest(kb, logs, clocks, conditions)
         _print_result(_ingested_json(ingested), _ingested_text(ingested), as_json=as_json)
     return tell(ingested.diagnostics)
 
@@ -82,6 +86,7 @@ def ingest(logs: tuple[str, ...], where: str, clocks: dict[str, int], as_json: b
 @estimator_option
 @outliers_option
 @clock_option
+@where_option
 @json_option
 def update(
     logs: tuple[str, ...],
@@ -89,6 +94,7 @@ def update(
     estimator: str | None,
     outliers: str | None,
     clocks: dict[str, int],
+    conditions: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Bring statistics up to date; runs of the logs given are taken in first.
@@ -99,10 +105,10 @@ def update(
     """
     from hrclog.analyzers.learning.ingest import Ingested, update_statistics
 
-    if clocks and not logs:
-        raise click.UsageError("--clock goes with LOG...")
+    if (clocks or conditions) and not logs:
+        raise click.UsageError(f"{'--clock' if clocks else '--where'} goes with LOG...")
     with _open_kb(where, create=bool(logs)) as kb:
-        ingested = _ingest(kb, logs, clocks) if logs else Ingested()
+        ingested = _ingest(kb, logs, clocks, conditions) if logs else Ingested()
         changed = update_statistics(kb, estimator, outliers)
         doubts = _doubts(kb)
         statistics_text = "statistics updated" if changed else "statistics are up to date"
@@ -232,6 +238,7 @@ def import_(source: Path, where: str, as_json: bool) -> int:
 @estimator_option
 @outliers_option
 @clock_option
+@where_option
 @json_option
 def rebuild(
     logs: tuple[str, ...],
@@ -239,6 +246,7 @@ def rebuild(
     estimator: str | None,
     outliers: str | None,
     clocks: dict[str, int],
+    conditions: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Rebuild everything from logs and swap it in at once; withdrawals stay.
@@ -252,7 +260,7 @@ def rebuild(
     reading = Progress("reading logs")
     with _open_kb(where, create=True) as kb:
         try:
-            ingested = rebuild_from(kb, logs, estimator, outliers, reading, clocks=clocks)
+            ingested = rebuild_from(kb, logs, estimator, outliers, reading, clocks=clocks, where=conditions)
         finally:
             reading.done()
         doubts = _doubts(kb)
@@ -269,12 +277,12 @@ def _open_kb(where: str, *, create: bool = False) -> Iterator[KnowledgeBase]:
         yield kb
 
 
-def _ingest(kb: KnowledgeBase, logs: tuple[str, ...], clocks: dict[str, int]) -> Ingested:
+def _ingest(kb: KnowledgeBase, logs: tuple[str, ...], clocks: dict[str, int], conditions: tuple[str, ...]) -> Ingested:
     from hrclog.analyzers.learning.ingest import ingest_logs
 
     reading = Progress("reading logs")
     try:
-        return ingest_logs(kb, logs, reading, clocks=clocks)
+        return ingest_logs(kb, logs, reading, clocks=clocks, where=conditions)
     finally:
         reading.done()
 

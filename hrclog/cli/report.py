@@ -22,6 +22,7 @@ from hrclog.cli.common import (
     print_json,
     tell,
 )
+from hrclog.cli.where_option import where_option
 from hrclog.errors import HrclogError
 from hrclog.log.clocks.offsets import offset_text
 from hrclog.wording import counted
@@ -80,6 +81,7 @@ def _ending_check(*allowed: str) -> Any:
 @click.option("--png", type=click.Path(path_type=Path), metavar="DIR", help="Write each figure as a PNG file too.")
 @click.option("--svg", type=click.Path(path_type=Path), metavar="DIR", help="Write each figure as an SVG file too.")
 @clock_option
+@where_option
 @json_option
 def command(**options: Any) -> int:
     """Write what recorded runs tell into one HTML file: findings, figures, tables, single runs, methods.
@@ -158,6 +160,7 @@ def _analysis(options: Mapping[str, Any]) -> Analysis:
         workers=options["workers"],
         on_draws=draws.advance,
         clocks=options["clocks"],
+        where=options["conditions"],
     )
     draws.done()
     reading.done()
@@ -177,6 +180,7 @@ def _command(options: Mapping[str, Any]) -> str:
                 f"--clock {shlex.quote(f'{agent}={offset_text(offset_ns)}')}"
                 for agent, offset_ns in sorted(options["clocks"].items())
             ),
+            *(f"--where {shlex.quote(text)}" for text in options["conditions"]),
         ]
     )
 

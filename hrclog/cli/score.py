@@ -12,6 +12,7 @@ from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS, scored
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import Progress, echo_json, echo_lines, json_option, outliers_option, tell
 from hrclog.cli.names import NameOf
+from hrclog.cli.where_option import where_option
 
 if TYPE_CHECKING:
     import polars as pl
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the folds.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder for score.json and all forecasts.")
 @clock_option
+@where_option
 @json_option
 def command(
     *,
@@ -65,6 +67,7 @@ def command(
     seed: int,
     output: Path | None,
     clocks: dict[str, int],
+    conditions: tuple[str, ...],
     as_json: bool,
 ) -> int:
     """Score how well estimators predict durations and makespans they have not seen.
@@ -88,13 +91,13 @@ def command(
         check_writable(output)
     names = tuple(dict.fromkeys(estimators)) or SCORED
     true = _true_pairs(truth) if truth else None
-    known, findings = _read_sessions(logs or train, clocks)
+    known, findings = _read_sessions(logs or train, clocks, conditions)
     predicting = Progress("predicting", len(names) * ((cv or 5) if logs else 1))
     predictions: Predictions
     if logs:
         predictions = cross_validate(known, cv or 5, seed, names, outliers, predicting)
     else:
-        tested, test_findings = _read_sessions(test, clocks)
+        tested, test_findings = _read_sessions(test, clocks, conditions)
         findings += test_findings
         if static:
             predictions = predict_static(known, tested, names, outliers, transfer_deviation, predicting)
@@ -134,12 +137,14 @@ def _check_usage(
         raise click.UsageError("--transfer-deviation goes with --static")
 
 
-def _read_sessions(paths: tuple[str, ...], clocks: dict[str, int]) -> tuple[pl.DataFrame, list[Diagnostic]]:
+def _read_sessions(
+    paths: tuple[str, ...], clocks: dict[str, int], conditions: tuple[str, ...]
+) -> tuple[pl.DataFrame, list[Diagnostic]]:
     from hrclog.analyzers.projections.intervals import rebuild
     from hrclog.log.reader import read_logs
 
     reading = Progress("reading logs")
-    read = read_logs(paths, on_file=reading, clocks=clocks)
+    read = read_logs(paths, on_file=reading, clocks=clocks, where=conditions)
     reading.done()
     intervals, illegal = rebuild(read.events)
     return intervals, [*read.diagnostics, *illegal]

@@ -11,8 +11,12 @@ import click
 
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import EXIT_FAILED, EXIT_FINE, Progress, echo, tell
+from hrclog.cli.where_option import where_option
 from hrclog.errors import HrclogError, LogReadError
 from hrclog.wording import counted
+
+_Reading = tuple[dict[str, int], tuple[str, ...]]
+"""The options of reading: offsets of clocks by agent, conditions on tags."""
 
 if TYPE_CHECKING:
     from hrclog.analyzers.rerun.selection import Chosen
@@ -49,6 +53,7 @@ if TYPE_CHECKING:
     "-o", "--output", type=click.Path(path_type=Path), help="Where to analyse a log.  [default: a temporary folder]"
 )
 @clock_option
+@where_option
 def command(
     target: Path,
     names: tuple[str, ...],
@@ -59,6 +64,7 @@ def command(
     port: int,
     output: Path | None,
     clocks: dict[str, int],
+    conditions: tuple[str, ...],
 ) -> int:
     """Open a log (analysing it first), an .rrd or the folder of an analysis in the Rerun viewer.
 
@@ -73,29 +79,29 @@ def command(
     """
     web_port = port if web else None
     if live:
-        if names or output is not None or clocks:
-            raise click.UsageError("--live takes none of --run, --clock and -o: it shows what is being recorded")
+        if names or output is not None or clocks or conditions:
+            raise click.UsageError("--live takes none of --run, --clock, --where, -o: it shows what is being recorded")
         return _follow_runs(target, web_port, every, until_idle)
     if until_idle is not None:
         raise click.UsageError("--until-idle is for --live")
     if names and target.suffix == ".rrd" and not target.is_dir():
         raise click.UsageError("--run chooses among the runs of a log or a folder, not within a recording")
-    return _open_recordings(target, names, web_port, output, clocks)
+    return _open_recordings(target, names, web_port, output, (clocks, conditions))
 
 
 def _open_recordings(
-    target: Path, names: tuple[str, ...], web_port: int | None, output: Path | None, clocks: dict[str, int]
+    target: Path, names: tuple[str, ...], web_port: int | None, output: Path | None, reading: _Reading
 ) -> int:
     from hrclog.analyzers.rerun.selection import recordings_at
     from hrclog.analyzers.rerun.viewer import check_viewer, open_viewer
 
     chosen = recordings_at(target, names)
-    if chosen is not None and clocks:
-        raise click.UsageError("--clock is for logs: a recording shows the times that it was made with")
+    if chosen is not None and any(reading):
+        raise click.UsageError("--clock and --where are for logs: a recording shows what it was made with")
     check_viewer(chosen.paths if chosen is not None else (), web_port)
     code = EXIT_FINE
     if chosen is None:
-        chosen, code = _analyse(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")), clocks)
+        chosen, code = _analyse(target, names, output or Path(tempfile.mkdtemp(prefix="hrclog-view-")), reading)
     if chosen.note:
         echo(chosen.note, err=True)
     if len(chosen.paths) > 1:
@@ -103,7 +109,7 @@ def _open_recordings(
     return code if open_viewer(chosen.paths, web_port) == 0 else EXIT_FAILED
 
 
-def _analyse(target: Path, names: tuple[str, ...], folder: Path, clocks: dict[str, int]) -> tuple[Chosen, int]:
+def _analyse(target: Path, names: tuple[str, ...], folder: Path, options: _Reading) -> tuple[Chosen, int]:
     """Analyse logs into a folder, and return the recordings there and the exit code."""
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.output import RECORDING_NAME, check_writable, drawn_runs, save
@@ -111,7 +117,8 @@ def _analyse(target: Path, names: tuple[str, ...], folder: Path, clocks: dict[st
 
     check_writable(folder)
     reading = Progress("reading logs")
-    analysis = analyze([target], on_file=reading, clocks=clocks)
+    clocks, conditions = options
+    analysis = analyze([target], on_file=reading, clocks=clocks, where=conditions)
     reading.done()
     _check_content(target, analysis)
     chosen = matching_runs(analysis.runs, names, target) if names else drawn_runs(analysis.runs, MOST_RUNS)

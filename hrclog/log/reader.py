@@ -32,6 +32,8 @@ from hrclog.log.messages.signals import SIGNAL_COLUMNS, merged_samples
 from hrclog.log.never_set import with_left_out_zero, with_numbers, without_unset
 from hrclog.log.parts import complaints, decode_bag, decode_file
 from hrclog.log.runs.names import Joined, joined_splits, name_runs, named
+from hrclog.log.runs.tags import run_tags
+from hrclog.log.runs.where import ALL_RUNS, Condition, Where, conditions, matching_runs
 from hrclog.log.writing.journal import journal_path
 from hrclog.wording import counted
 
@@ -64,6 +66,7 @@ def read_logs(
     signals: bool = False,
     on_file: Callable[[Path], None] = lambda _: None,
     clocks: Clocks = NO_CLOCKS,
+    where: Where = ALL_RUNS,
 ) -> Logs:
     """Read logs, folders and globs.
 
@@ -72,10 +75,11 @@ def read_logs(
         signals: also read scalar and joint signals, and what was recorded of the scene.
         on_file: called after each file, for progress.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
+        where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
 
     Raises:
         LogReadError: nothing matched, or no file could be read at all.
-        HrclogError: no event names an agent of `clocks`, or an offset is none.
+        HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
     """
     discovery = _discover(_listed(arguments))
     parts, failures = _read_all(discovery, on_file, signals=signals)
@@ -84,17 +88,20 @@ def read_logs(
     if not parts:
         failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
         raise LogReadError(failures[0].path.parent, failure_text, "at least one log")
-    logs = _combine(_without_foreign(parts, discovery.named), failures, clocks)
+    logs = _combine(_without_foreign(parts, discovery.named), failures, clocks, conditions(where))
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in discovery.unread]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 
-def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO_CLOCKS) -> pl.DataFrame:
+def read_events(
+    paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO_CLOCKS, where: Where = ALL_RUNS
+) -> pl.DataFrame:
     """Read the events of logs, folders and globs, ordered by (run_id, time_ns, seq).
 
     Args:
         paths: what to read.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
+        where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
 
     Returns:
         One row per event with the columns of `hrclog.log.messages.message.EVENTS`; instants in ns on the recorder's
@@ -102,12 +109,12 @@ def read_events(paths: str | Path | Iterable[str | Path], *, clocks: Clocks = NO
 
     Raises:
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
-        HrclogError: no event names an agent of `clocks`, or an offset is none.
+        HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
     """
     parts, failures = _read_all(_discover(_listed(paths)))
     if failures:
         raise failures[0]
-    return _combine(parts, [], clocks).events
+    return _combine(parts, [], clocks, conditions(where)).events
 
 
 def _listed(arguments: object) -> list[str | Path]:
@@ -286,9 +293,44 @@ def _renamed(log: Logs, joined: Joined) -> Logs:
     return Logs(named(log.events, names), named(log.signals, names), diagnostics, log.paths, scene)
 
 
-def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks) -> Logs:
+def only_runs(logs: Logs, where: Where) -> Logs:
+    """Return what logs hold of some runs; what is known of files without such a run is left out too.
+
+    Args:
+        logs: what was read.
+        where: which runs, as of `read_logs`.
+
+    Raises:
+        HrclogError: no run is so.
+    """
+    wanted = conditions(where)
+    return _selected([logs], wanted)[0] if wanted else logs
+
+
+def _selected(parts: list[Logs], wanted: tuple[Condition, ...]) -> list[Logs]:
+    events = pl.concat([part.events.select("run_id", "kind", "seq", "details") for part in parts])
+    chosen = set(matching_runs(events["run_id"].unique().sort(), run_tags(events), wanted))
+    return [_of_runs(part, chosen) for part in parts]
+
+
+def _of_runs(part: Logs, chosen: set[str]) -> Logs:
+    is_chosen = pl.col("run_id").is_in(sorted(chosen))
+    events = part.events.filter(is_chosen)
+    left_out = set(part.events["path"].unique()) - set(events["path"].unique())
+    diagnostics = [
+        finding
+        for finding in part.diagnostics
+        if finding.path not in left_out and (not finding.run_id or finding.run_id in chosen)
+    ]
+    paths = [path for path in part.paths if str(path) not in left_out]
+    return Logs(events, part.signals.filter(is_chosen), diagnostics, paths, part.scene.only(chosen))
+
+
+def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks, wanted: tuple[Condition, ...]) -> Logs:
     # the result does not depend on the order of the arguments
     parts = _join_splits(sorted(parts, key=lambda part: part.paths))
+    if wanted:
+        parts = _selected(parts, wanted)
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
     diagnostics += [
         Diagnostic("unreadable_file", failure.reason, str(failure.path))

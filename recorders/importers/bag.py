@@ -42,7 +42,6 @@ class Bag(Importer):
     example = "hrclog import bag monday/ --suggest > cell.toml\n  hrclog import bag monday/ --map cell.toml -o runs"
     options = (
         Option("map", "The mapping file, TOML; docs/bags.md describes it.", Path),
-        Option("tag", "A fact of every run, key=value (repeatable).", default=(), multiple=True),
         Option("suggest", "List topics and print a first mapping; import nothing.", bool, False),
     )
 
@@ -57,8 +56,7 @@ class Bag(Importer):
         if mapping_path is None:
             raise HrclogError(f"--map: found nothing, expected a mapping file; {_SUGGEST}")
         mapping = read_mapping(mapping_path)
-        tags = parse_tags(options.get("tag", ()))
-        reader = _Reader(mapping, {"source": SOURCE, **({"tags": tags} if tags else {})})
+        reader = _Reader(mapping, {"source": SOURCE})
         for recording in _recordings(sources):
             reader.take(recording)
         reader.check()
@@ -97,22 +95,6 @@ def _recordings(sources: Sequence[Path]) -> list[Recording]:
     if not recordings:
         raise ImportDataError(sources[0], "no bag in it", "a folder of bags, or a bag")
     return recordings
-
-
-def parse_tags(texts: Sequence[str]) -> dict[str, str]:
-    """Return tags of `key=value` texts.
-
-    Raises:
-        HrclogError: a text is none, or a key is given two values.
-    """
-    tags: dict[str, str] = {}
-    for text in texts:
-        key, separator, value = text.partition("=")
-        if not separator or not key.strip():
-            raise HrclogError(f"--tag: found {text!r}, expected key=value")
-        if tags.setdefault(key.strip(), value.strip()) != value.strip():
-            raise HrclogError(f"--tag: found two values of {key.strip()!r}, expected one")
-    return tags
 
 
 class _Reader:

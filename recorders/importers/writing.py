@@ -12,8 +12,8 @@ from typing import Any, Final
 import polars as pl
 
 from hrclog.errors import HrclogError, ImportDataError, OutputError
-from hrclog.event_rows import to_row
-from hrclog.events import COLUMNS, Event
+from hrclog.event_rows import from_row, to_row
+from hrclog.events import COLUMNS, Event, RunStarted
 from hrclog.file_names import file_stem
 from hrclog.ids import derived_id
 from hrclog.log.files.system import sync_folder
@@ -21,6 +21,7 @@ from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_log
 from hrclog.log.writing.writer import pack_events, packed_bytes, write_log, write_packed
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer
+from hrclog.tags import NO_TAGS
 from hrclog.units import NS_PER_S
 from hrclog.wording import counted
 
@@ -33,6 +34,8 @@ def import_files(
     sources: Sequence[Path],
     folder: Path | None,
     on_run: Callable[[Path], None] = lambda _: None,
+    *,
+    run_tags: Mapping[str, str] = NO_TAGS,
     **options: Any,  # noqa: ANN401 - what the importer's options hold
 ) -> Imported:
     """Write one log per run. A run whose log already exists is not written again.
@@ -42,6 +45,7 @@ def import_files(
         sources: files of the other system.
         folder: where the logs go; None to read the sources and write nothing.
         on_run: called after each run, for progress.
+        run_tags: facts of every run, beside those that the source tells.
         options: of the importer; those that are not given have their defaults.
 
     Raises:
@@ -50,7 +54,7 @@ def import_files(
         OutputError: the folder cannot be made.
     """
     all_options = {option.name: option.default for option in importer.options} | options
-    foreign = _read_sources(importer, sources, all_options)
+    foreign = _tagged(_read_sources(importer, sources, all_options), run_tags)
     if folder is None:
         return Imported([], [], foreign.n_executions, list(foreign.diagnostics), list(foreign.names), foreign.reading)
     paths = {run: folder / f"{file_name(importer.name, run)}.mcap" for run in foreign.names}
@@ -58,6 +62,35 @@ def import_files(
     written = _write_runs(paths, logs, folder, on_run)
     unchanged = [path for path in paths.values() if path not in set(written)]
     return Imported(written, unchanged, foreign.n_executions, list(foreign.diagnostics), list(paths), foreign.reading)
+
+
+def _tagged(foreign: Foreign, tags: Mapping[str, str]) -> Foreign:
+    """Return runs with further tags; they stand above what the source tells."""
+    if not tags:
+        return foreign
+
+    def events(run: str) -> list[Event]:
+        return [
+            replace(event, tags={**event.tags, **tags}) if isinstance(event, RunStarted) else event
+            for event in foreign.events(run)
+        ]
+
+    columns = (_tagged_columns(foreign.columns[0], tags), foreign.columns[1]) if foreign.columns else None
+    return replace(foreign, events=events, columns=columns)
+
+
+def _tagged_columns(events: pl.DataFrame, tags: Mapping[str, str]) -> pl.DataFrame:
+    details = [
+        _tagged_details(text, tags) if kind == RunStarted.kind else text
+        for kind, text in events.select("kind", "details").iter_rows()
+    ]
+    return events.with_columns(pl.Series("details", details, pl.String))
+
+
+def _tagged_details(text: str, tags: Mapping[str, str]) -> str:
+    started = from_row({"kind": RunStarted.kind, "time_ns": 0, "details": text})
+    assert isinstance(started, RunStarted)  # noqa: S101 - by its kind
+    return str(to_row(replace(started, tags={**started.tags, **tags}))["details"])
 
 
 def write_packed_logs(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -51,6 +51,14 @@ class RecordedScene:
     scenes: Mapping[str, Scene] = field(default_factory=dict)
     descriptions: Mapping[tuple[str, str], str] = field(default_factory=dict)
     poses: pl.DataFrame = field(default_factory=POSE_COLUMNS.to_frame)
+
+    def only(self, runs: Collection[str]) -> RecordedScene:
+        """Return the cells of some runs."""
+        return RecordedScene(
+            {run: scene for run, scene in self.scenes.items() if run in runs},
+            {(run, agent): text for (run, agent), text in self.descriptions.items() if run in runs},
+            self.poses.filter(pl.col("run_id").is_in(list(runs))),
+        )
 
     def of_run(self, run_id: str) -> RunScene | None:
         """Return the cell of a run, None where none was recorded; poses alone are none."""

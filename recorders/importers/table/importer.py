@@ -36,6 +36,7 @@ from hrclog.recorders.importers.table.run_events import RunEvents, run_events
 from hrclog.recorders.importers.table.runs import Runs, TableFile, runs_of
 from hrclog.recorders.importers.table.skipped import skip_diagnostics, skip_values
 from hrclog.recorders.importers.table.tables import Grid, Table
+from hrclog.tags import parse_tags
 from hrclog.wording import counted
 
 _SOURCES: Final = (
@@ -178,13 +179,11 @@ def with_proposal(table: Table, given: TableMapping) -> TableMapping:
 
 def _normal(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options with their texts as a mapping takes them."""
-    tags: dict[str, str] = {}
-    for text in options.get("tag") or ():
-        key, sign, value = str(text).partition("=")
-        if not (key.strip() and sign):
-            raise HrclogError(f"--tag: found {text!r}, expected KEY=VALUE")
-        tags[key.strip()] = value.strip()
-    return {**options, "tags": tags, "delimiter": delimiter_of(str(options.get("delimiter") or ""))}
+    return {
+        **options,
+        "tags": parse_tags(options.get("tag") or ()),
+        "delimiter": delimiter_of(str(options.get("delimiter") or "")),
+    }
 
 
 def _read_files(

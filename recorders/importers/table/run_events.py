@@ -146,8 +146,14 @@ def _frames_of_runs(runs: Runs, events: pl.DataFrame, executions: pl.DataFrame) 
     rows = []
     for position, first, last, run_agents in facts.iter_rows():
         run = runs.runs[keys[position]]
-        details = {"source": SOURCE} | ({"tags": dict(run.tags)} if run.tags else {})
-        started = RunStarted(time_ns=first, run_id=run.run_id, name=run.name, agents=tuple(run_agents), details=details)
+        started = RunStarted(
+            time_ns=first,
+            run_id=run.run_id,
+            name=run.name,
+            agents=tuple(run_agents),
+            tags=run.tags,
+            details={"source": SOURCE},
+        )
         ended = RunEnded(time_ns=last, run_id=run.run_id)
         rows.append(to_row(started) | {_POSITION: position, _RANK: _STARTED, _ORDER: 0})
         rows.append(to_row(ended) | {_POSITION: position, _RANK: _OVER, _ORDER: 0})

@@ -1,0 +1,51 @@
+"""The tags of runs, as their events tell them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import polars as pl
+
+from hrclog.errors import InvalidEventError
+from hrclog.event_rows import parse_details
+from hrclog.events import RunStarted
+from hrclog.tags import TAGS, value_text
+
+_MEMBER: Final = f'"{TAGS}"'
+
+
+def run_tags(events: pl.DataFrame) -> dict[str, dict[str, str]]:
+    """Return the tags of each run that has any, its keys in order.
+
+    A later segment of a run adds to what the first one tells. What is no text or number is no tag.
+
+    Args:
+        events: an events frame.
+    """
+    tags: dict[str, dict[str, str]] = {}
+    for run_id, details in _telling(events).select("run_id", "details").iter_rows():
+        tags.setdefault(run_id, {}).update(_tags(_details(details).get(TAGS)))
+    return {run_id: dict(sorted(of_run.items())) for run_id, of_run in sorted(tags.items()) if of_run}
+
+
+def _telling(events: pl.DataFrame) -> pl.DataFrame:
+    """Return the events that tell tags, in the order of their runs' segments."""
+    started = events.filter(pl.col("kind") == RunStarted.kind)
+    return started.filter(pl.col("details").str.contains(_MEMBER, literal=True)).sort("run_id", "seq")
+
+
+def _details(text: str) -> dict[str, Any]:
+    try:
+        return parse_details(text)
+    except InvalidEventError:
+        return {}
+
+
+def _tags(value: object) -> dict[str, str]:
+    tags: dict[str, str] = {}
+    for key, entry in value.items() if isinstance(value, dict) else ():
+        try:
+            tags[str(key)] = value_text(key, entry)
+        except InvalidEventError:
+            continue
+    return tags
