@@ -41,6 +41,7 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
 
 _MOST_TOPICS: Final = 20  # that a message lists
+_NO_TOPICS: Final = "it has no topics"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,7 @@ def read_logs(
         raise failures[0]
     if not parts:
         failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
-        raise LogReadError(failures[0].path.parent, failure_text, "at least one log")
+        raise LogReadError(failures[0].path.parent, failure_text, "at least one log") from failures[0]
     logs = _combine(_without_foreign(parts, discovery.named), failures, clocks, conditions(where))
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in discovery.unread]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
@@ -178,6 +179,12 @@ def _without_foreign(parts: list[Logs], named: frozenset[Path]) -> list[Logs]:
     ]
 
 
+def tells_of_another_system(finding: Diagnostic) -> bool:
+    """Return whether a finding tells of a recording with topics, of which none is of events."""
+    is_about_topics = finding.code in ("no_events", "not_imported") and _NO_TOPICS not in finding.message
+    return is_about_topics and f"{EVENTS_TOPIC} (" not in finding.message
+
+
 def _as_note(finding: Diagnostic) -> Diagnostic:
     return replace(finding, code="not_imported") if finding.code == "no_events" else finding
 
@@ -264,7 +271,7 @@ def _topics_text(topics: Mapping[tuple[str, str], int]) -> str:
         for (topic, kind), count in sorted(topics.items())[:_MOST_TOPICS]
     ]
     if not listed:
-        return "it has no topics"
+        return _NO_TOPICS
     others = len(topics) - len(listed)
     return f"it has {', '.join(listed)}{f' and {others} more topics' if others else ''}"
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from hrclog.recorders.importers.heads import without_compression
 from hrclog.recorders.importers.importer import Foreign, Importer, Option, Remark
 
 _BEGINNINGS: Final = (b"\x89MCAP", b"SQLite format 3\0", b"#ROSBAG V")
@@ -40,7 +41,7 @@ class Bag(Importer):
 
     def arguments_for(self, head: bytes, name: str) -> str | None:  # noqa: ARG002 - bags are known by their first bytes
         """Return how to come to a first mapping of a bag."""
-        return "--suggest" if head.startswith(_BEGINNINGS) else None
+        return "--suggest" if without_compression(head).startswith(_BEGINNINGS) else None
 
     def preview(self, sources: Sequence[Path], **options: Any) -> Remark | None:  # noqa: ANN401 - what its options hold
         """Return a first mapping, if it was asked for.

@@ -129,7 +129,7 @@ class Importer(ABC):
         """Return what to type behind a file's name to import it, None where it does not look like one of this system.
 
         Args:
-            head: its first bytes, without compression of the whole file.
+            head: its first bytes, `heads.HEAD_BYTES` or all it has; `heads.without_compression` unpacks them.
             name: of the file.
         """
         return None

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
+from hrclog.recorders.importers.heads import without_compression
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer, Option, Remark
 from hrclog.wording import agree, counted
 
@@ -48,7 +49,8 @@ class Mongo(Importer):
 
     def arguments_for(self, head: bytes, name: str) -> str | None:  # noqa: ARG002 - a dump is known by what it holds
         """Return what to type for a file whose first document has the fields of a task result."""
-        is_dump = head.lstrip(b"\xef\xbb\xbf \t\r\n[").startswith(b"{") and all(field in head for field in _FIELDS)
+        text = without_compression(head)
+        is_dump = text.lstrip(b"\xef\xbb\xbf \t\r\n[").startswith(b"{") and all(field in text for field in _FIELDS)
         return "-o logs" if is_dump else None
 
     def remark(self, imported: Imported, *, report_gaps: bool = False, **_: object) -> Remark:

@@ -83,6 +83,15 @@ class TableImporter(Importer):
 
         return read_tables(sources, options)
 
+    def arguments_for(self, head: bytes, name: str) -> str | None:
+        """Return what to type for a table, with the preset that is made for it."""
+        from hrclog.recorders.importers.table.recognition import is_table, preset_for
+
+        if not is_table(head, name.lower()):
+            return None
+        preset = preset_for(head)
+        return f"--preset {preset} -o logs" if preset else "-o logs"
+
     def preview(self, sources: Sequence[Path], **options: Any) -> Imported:  # noqa: ANN401 - what its options hold
         """Return what would be imported; as for `read`."""
         from hrclog.recorders.importers.writing import import_files

@@ -26,12 +26,12 @@ from hrclog.recorders.importers.table.mapping import (
 from hrclog.recorders.importers.table.mapping_file import mapping_text, read_mapping, write_mapping
 from hrclog.recorders.importers.table.presets import (
     fitting_preset,
-    preset_names,
     presets_of,
     read_preset,
     unfitting_error,
 )
 from hrclog.recorders.importers.table.proposal import propose
+from hrclog.recorders.importers.table.recognition import preset_names
 from hrclog.recorders.importers.table.run_events import RunEvents, run_events
 from hrclog.recorders.importers.table.runs import Runs, TableFile, runs_of
 from hrclog.recorders.importers.table.skipped import skip_diagnostics, skip_values
