@@ -11,6 +11,7 @@ import polars as pl
 
 from hrclog._version import __version__
 from hrclog.analyzers.projections.metrics import nested
+from hrclog.analyzers.projections.tags import run_record
 from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outlier_methods import Outliers
@@ -54,7 +55,8 @@ class Analysis:
             "outliers": self.outliers,
             "bootstrap": self.bootstrap,
             "runs": [
-                row | {"metrics": metrics_by_run.get(row["run_id"], {})} for row in self.runs.iter_rows(named=True)
+                run_record(row) | {"metrics": metrics_by_run.get(row["run_id"], {})}
+                for row in self.runs.iter_rows(named=True)
             ],
             "durations": self.durations.to_dicts(),
             "synergies": self.synergies.to_dicts(),

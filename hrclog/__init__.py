@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from hrclog.log.reader import Logs, read_events, read_logs
     from hrclog.planning.plan import Plan, make_plan, read_plan, write_plan
     from hrclog.planning.problem import Count, Problem, Task
+    from hrclog.recorders.annotate import annotate
     from hrclog.recorders.importers.importer import Foreign, Importer
     from hrclog.recorders.importers.table.from_table import from_table, write_logs
     from hrclog.recorders.recorder import Recorder
@@ -60,6 +61,7 @@ _LAZY = {
     "TaskHandle": "hrclog.recorders.task_handle",
     "Wish": "hrclog.analyzers.search.wish",
     "analyze": "hrclog.analyzers.analysis",
+    "annotate": "hrclog.recorders.annotate",
     "compare": "hrclog.analyzers.comparison.compare",
     "durations": "hrclog.analyzers.projections.durations",
     "find_plan": "hrclog.analyzers.search.find",
@@ -103,6 +105,7 @@ __all__ = [
     "Wish",
     "__version__",
     "analyze",
+    "annotate",
     "compare",
     "durations",
     "find_plan",

@@ -27,6 +27,7 @@ from hrclog.recorders.json_lines import (
 )
 from hrclog.recorders.recorder import Recorder, check_facts, log_path
 from hrclog.recorders.segments import first_segment
+from hrclog.tags import NO_TAGS, checked_tags
 from hrclog.wording import counted
 
 _BYTE_ORDER_MARK: Final = "\ufeff"
@@ -87,6 +88,7 @@ def record_stream(
     run: str = "",
     resume: bool = False,
     fsync: bool = False,
+    tags: Mapping[str, str] = NO_TAGS,
     hooks: Hooks | None = None,
 ) -> Recording:
     """Record runs from JSON lines until they end.
@@ -108,6 +110,7 @@ def record_stream(
         run: name of the first run; default what its `run_started` says, or the file's.
         resume: the first run continues the one that is at `path`.
         fsync: each event also survives a crash of the operating system.
+        tags: facts of every run; those of a `run_started` line stand above them.
         hooks: what is called on the way.
 
     Raises:
@@ -117,7 +120,7 @@ def record_stream(
     """
     if not resume:
         first_segment(log_path(path))  # say so before waiting for input
-    with _Runs(log_path(path), run, resume=resume, fsync=fsync, hooks=hooks or Hooks()) as runs:
+    with _Runs(log_path(path), run, resume=resume, fsync=fsync, tags=tags, hooks=hooks or Hooks()) as runs:
         for number, line in enumerate(lines, 1):
             runs.take_line(number, line if number > 1 else line.removeprefix(_BYTE_ORDER_MARK))
         runs.end()
@@ -168,6 +171,7 @@ class _Runs:
     run: str
     resume: bool
     fsync: bool
+    tags: Mapping[str, str]
     hooks: Hooks
     finished: list[Recorded] = field(default_factory=list)
     refused: list[Refused] = field(default_factory=list)
@@ -228,6 +232,7 @@ class _Runs:
         """Begin the run of a `run_started` line; it ends the run before it."""
         facts = run_facts(value)
         check_facts(facts["run"], facts.get("agents", ()), facts.get("software"), facts.get("seed"))
+        facts["tags"] = checked_tags(facts.get("tags"))
         if self._current is not None and not self._current.n_task_events:  # it may be meant for this run
             if self._current.opening is None:
                 raise InvalidEventError(
@@ -255,7 +260,7 @@ class _Runs:
         if is_first:
             facts = facts | {"run": self.run or facts.get("run", ""), "resume": self.resume}
         _make_folder(path)
-        recorder = Recorder(path, fsync=self.fsync, **facts)
+        recorder = Recorder(path, fsync=self.fsync, **facts | {"tags": {**self.tags, **facts.get("tags", {})}})
         self.losses += recorder.losses
         for text in recorder.losses:
             self.hooks.on_loss(text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +19,7 @@ from hrclog.sim.event_queue import EventQueue
 from hrclog.sim.run import BASE_EPOCH_NS, run_name, simulate_run
 from hrclog.sim.scenario import Scenario
 from hrclog.sim.truth import RunTruth, Truth, scenario_truth
+from hrclog.tags import NO_TAGS
 from hrclog.wording import share
 
 Progress = Callable[[int], None]
@@ -46,6 +47,7 @@ class _Campaign:
     seed: int
     engine: str
     out_dir: Path
+    tags: Mapping[str, str]
 
 
 def simulate_campaign(
@@ -58,6 +60,8 @@ def simulate_campaign(
     engine: str = ENGINES[0],
     resuming: Progress | None = None,
     on_runs: Callable[[Sequence[Path]], None] = lambda _: None,
+    *,
+    tags: Mapping[str, str] = NO_TAGS,
 ) -> tuple[Path, ...]:
     """Simulate runs, write one log each and the truth beside them, and return the paths of the logs.
 
@@ -75,6 +79,7 @@ def simulate_campaign(
         engine: one of `ENGINES`.
         resuming: called first with the number of runs that are there, if the campaign is resumed.
         on_runs: given the logs of runs that are over, as they come; first, in one go, of those that were there before.
+        tags: facts of every run.
 
     Raises:
         LogExistsError: a file that would be written exists, or another campaign is unfinished in the folder; nothing
@@ -84,19 +89,16 @@ def simulate_campaign(
         ScenarioError: a number is out of range, the engine cannot carry out the scenario (nothing was written), or
             runs failed, for example by a standstill (the others are written).
     """
-    _check_range("runs", runs)
-    _check_range("workers", workers)
-    # raises now the errors that would occur in every run
-    make_engine(engine, scenario, EventQueue(BASE_EPOCH_NS), seed, 0).stop()
-    with campaign_folder(scenario, manifest_of(scenario, runs, seed, engine), out_dir) as folder:
+    _check(scenario, engine, seed, runs=runs, workers=workers)
+    with campaign_folder(scenario, manifest_of(scenario, runs, seed, engine, tags), out_dir) as folder:
         if folder.resumed and resuming:
             resuming(len(folder.done))
         missing_indices = [index for index in range(runs) if index not in folder.done]
-        truths = dict(folder.done)
-        failures: list[_Failure] = []
+        truths, failures = dict(folder.done), list[_Failure]()
         if truths:
             on_runs([folder.log(index) for index in sorted(truths)])
-        for batch in _results(_Campaign(scenario, seed, engine, out_dir), missing_indices, workers, progress):
+        campaign = _Campaign(scenario, seed, engine, out_dir, dict(tags))
+        for batch in _results(campaign, missing_indices, workers, progress):
             failures += [result for _, result in batch if isinstance(result, _Failure)]
             new_truths = {index: result for index, result in batch if not isinstance(result, _Failure)}
             truths |= new_truths
@@ -108,9 +110,12 @@ def simulate_campaign(
         return tuple(map(folder.log, range(runs)))
 
 
-def _check_range(name: str, value: int) -> None:
-    if value < 1:
-        raise ScenarioError(f"{name}: found {value}, expected at least 1")
+def _check(scenario: Scenario, engine: str, seed: int, **numbers: int) -> None:
+    """Raise an error now that would occur in every run."""
+    for name, value in numbers.items():
+        if value < 1:
+            raise ScenarioError(f"{name}: found {value}, expected at least 1")
+    make_engine(engine, scenario, EventQueue(BASE_EPOCH_NS), seed, 0).stop()
 
 
 def _truth(scenario: Scenario, seed: int, engine: str, runs: Sequence[RunTruth]) -> Truth:
@@ -142,7 +147,7 @@ def _write_batch(campaign: _Campaign, batch: Sequence[int]) -> list[RunTruth | _
 def _write_run(campaign: _Campaign, index: int) -> RunTruth | _Failure:
     try:
         run = simulate_run(campaign.scenario, campaign.seed, index, engine=campaign.engine)
-        add_run(campaign.out_dir, run)
+        add_run(campaign.out_dir, run.tagged(campaign.tags))
     except (LogExistsError, LogWriteError):  # the next run would not fare better
         raise
     except Exception as error:  # noqa: BLE001 - whatever is wrong with a run, the others go on, and it is told at the end

@@ -15,9 +15,9 @@ from __future__ import annotations
 import filecmp
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -41,6 +41,7 @@ from hrclog.sim.truth import (
     run_to_json,
     write_truth,
 )
+from hrclog.tags import NO_TAGS, TAGS
 from hrclog.wording import counted
 
 WORK_FOLDER: Final = ".campaign"
@@ -65,13 +66,17 @@ class Manifest:
     safety: str
     version: str
     runs: int
+    tags: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         guarded = f", safety {self.safety}" if self.safety else ""
-        return f"{counted(self.runs, 'run')} of {self.scenario}, seed {self.seed}, engine {self.engine}{guarded}"
+        tagged = "".join(f", {key}={value}" for key, value in self.tags.items())
+        return (
+            f"{counted(self.runs, 'run')} of {self.scenario}, seed {self.seed}, engine {self.engine}{guarded}{tagged}"
+        )
 
 
-def manifest_of(scenario: Scenario, runs: int, seed: int, engine: str) -> Manifest:
+def manifest_of(scenario: Scenario, runs: int, seed: int, engine: str, tags: Mapping[str, str] = NO_TAGS) -> Manifest:
     """Return the manifest of a campaign."""
     cell = scenario.cell if engine == "bullet" else None
     return Manifest(
@@ -83,6 +88,7 @@ def manifest_of(scenario: Scenario, runs: int, seed: int, engine: str) -> Manife
         safety=cell.safety.policy if cell else "",
         version=__version__,
         runs=runs,
+        tags=dict(sorted(tags.items())),
     )
 
 
@@ -230,15 +236,17 @@ class CampaignFolder:
             and all_exist
             and none_beyond
             and same_ids
-            and self._is_same_version()
+            and self._is_same_kind()
             else None
         )
 
-    def _is_same_version(self) -> bool:
-        """Return whether the first log here is of this version, which alone gives the same bytes."""
+    def _is_same_kind(self) -> bool:
+        """Return whether the first log here is of this version, which alone gives the same bytes, and of these tags."""
         started = read_log(self.log(0)).events.filter(pl.col("kind") == "run_started")
-        software = parse_details(str(started["details"].first() or "")).get("software", {})
-        return isinstance(software, dict) and software.get("hrclog") == self._manifest.version
+        facts = parse_details(str(started["details"].first() or ""))
+        software = facts.get("software", {})
+        is_same_version = isinstance(software, dict) and software.get("hrclog") == self._manifest.version
+        return is_same_version and facts.get(TAGS, {}) == self._manifest.tags
 
     def _check_empty(self) -> None:
         """Raise if a file would be overwritten."""

@@ -50,6 +50,13 @@ class Run:
     signals: tuple[Signal, ...] = ()
     stuck: tuple[PlanItem, ...] = ()
 
+    def tagged(self, tags: Mapping[str, str]) -> Run:
+        """Return the run with tags."""
+        if not tags:
+            return self
+        events = (replace(event, tags=tags) if isinstance(event, RunStarted) else event for event in self.events)
+        return replace(self, events=tuple(events))
+
 
 def simulate_run(scenario: Scenario, seed: int, index: int, plan: Plan | None = None, engine: str = ENGINES[0]) -> Run:
     """Return the events and the truth of one run.

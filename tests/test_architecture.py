@@ -17,7 +17,7 @@ TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
     _version arrays diagnostic errors event_rows events file_names forks ids json_record parallel plugins
-    recipe_names scene state units wording
+    recipe_names scene state tags units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""
 
@@ -32,13 +32,15 @@ ARROWS: Mapping[str, str] = {
     "log.writing": "log.files log.mcap log.messages",
     "log.remarks": "",
     "log.clocks": "log.remarks",
-    "log.runs": "",
+    "log.annotations": "log.files log.messages log.parts log.remarks log.writing",
+    "log.runs": "log.annotations log.remarks",
     "log.losses": "log.mcap log.messages log.remarks log.writing",
     "log.parts": "log.bags log.files log.losses log.mcap log.messages log.writing",
     "log.never_set": "log.remarks",
     "log.checks": "log.clocks log.never_set log.remarks",
     "log.reader": (
-        "log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts log.runs log.writing"
+        "log.annotations log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts "
+        "log.runs log.writing"
     ),
     "log.topics": "log.bags log.files log.mcap log.messages log.parts",
     "log.recover": "log.files log.losses log.mcap log.messages log.reader log.remarks log.writing",
@@ -56,6 +58,7 @@ ARROWS: Mapping[str, str] = {
     "recorders.recorder": "log recorders.event_recorder recorders.segments recorders.task_handle",
     "recorders.json_lines": "log recorders.task_handle",
     "recorders.stdin": "log recorders.json_lines recorders.recorder recorders.segments",
+    "recorders.annotate": "log",
     "recorders.executors": "log recorders.clock",
     "recorders.dispatch": "planning recorders.clock recorders.event_recorder recorders.recorder recorders.executors",
     "recorders.mapping": "log",

@@ -168,7 +168,11 @@ def _side(analysis: Analysis, name: str) -> Side:
 
 
 def _check_apart(a: Analysis, b: Analysis) -> None:
-    shared = a.runs.join(b.runs.select("run_id", pl.col("path").alias("other")), on="run_id").sort("run_id")
+    shared = (
+        a.runs.select("run_id", "name", "path")
+        .join(b.runs.select("run_id", pl.col("path").alias("other")), on="run_id")
+        .sort("run_id")
+    )
     if shared.is_empty():
         return
     run = shared.row(0, named=True)

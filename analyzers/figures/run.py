@@ -14,6 +14,7 @@ from hrclog.analyzers.figures.events import EventLines, event_lines, pauses, saf
 from hrclog.analyzers.figures.gantt import Gantt, Lane, execution_lanes, legend, limited
 from hrclog.analyzers.figures.series import Series, overlaps_so_far, signal_series, speed_scales, without_echoes
 from hrclog.analyzers.figures.table import DataTable
+from hrclog.analyzers.projections.tags import run_label, tags_text
 from hrclog.arrays import IntArray
 from hrclog.log.messages.recorded_scene import RunScene
 
@@ -26,6 +27,7 @@ class RunFigures:
 
     run_id: str
     name: str
+    label: str  # the name, and what else tells the run apart
     origin_ns: int
     facts: tuple[tuple[str, str | int | float], ...]
     gantt: Gantt
@@ -67,6 +69,7 @@ def run_figures(
     return RunFigures(
         run_id=run["run_id"],
         name=run["name"] or run["run_id"],
+        label=run_label(run),
         origin_ns=origin,
         facts=_facts(run),
         gantt=gantt,
@@ -151,6 +154,7 @@ def _facts(run: Mapping[str, Any]) -> tuple[tuple[str, str | int | float], ...]:
     facts = {
         "run": run["name"],
         "run_id": run["run_id"],
+        "tags": tags_text(run) or None,
         "outcome": run["outcome"] or "unknown",
         "makespan_s": run["makespan_s"],
         "agents": ", ".join(run["agents"] or ()),

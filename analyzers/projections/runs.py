@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import polars as pl
 
 from hrclog.analyzers.projections.intervals import top_level
 from hrclog.analyzers.projections.schemas import RUNS
 from hrclog.analyzers.projections.tags import with_tags
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
 from hrclog.events import UNKNOWN_OUTCOME, Outcome
+from hrclog.log.runs.facts import run_facts
 from hrclog.log.runs.tags import run_tags
 
 _FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)
@@ -49,11 +46,7 @@ def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
             pl.col("n_executions", "n_failed", "n_open").fill_null(0),
             pl.col("outcome").fill_null(""),
             ((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("makespan_s"),
-            pl.col("agents").fill_null([]).list.set_union(pl.col("seen").fill_null([])).list.sort(),
-            pl.when(pl.col("name").fill_null("") != "")
-            .then("name")
-            .otherwise(pl.col("path").map_elements(_stem, pl.String))
-            .alias("name"),
+            pl.col("agents").list.set_union(pl.col("seen").fill_null([])).list.sort(),
         )
     )
     table = rows.select(RUNS.names()).cast(RUNS).sort("start_ns", "run_id", nulls_last=True)
@@ -61,37 +54,11 @@ def runs(events: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
 
 
 def _facts(events: pl.DataFrame) -> pl.DataFrame:
-    """Return name and declared agents per run, from its first run_started."""
-    started = events.filter(pl.col("kind") == "run_started").sort("run_id", "seq").unique("run_id", keep="first")
-    rows = [
-        (run, *_declared_facts(details))
-        for run, details in started.select("run_id", "details").sort("run_id").iter_rows()
-    ]
-    return pl.DataFrame(
-        rows, schema={"run_id": pl.String, "name": pl.String, "agents": pl.List(pl.String)}, orient="row"
-    )
-
-
-def _declared_facts(details: str) -> tuple[str, list[str]]:
-    try:
-        facts = parse_details(details)
-    except InvalidEventError:
-        return "", []
-    return _text(facts.get("name")), [_text(agent) for agent in _items(facts.get("agents"))]
+    rows = [(run, facts.name, list(facts.agents)) for run, facts in run_facts(events).items()]
+    schema = {name: RUNS[name] for name in ("run_id", "name", "agents")}
+    return pl.DataFrame(rows, schema=schema, orient="row")
 
 
 def _outcomes(events: pl.DataFrame) -> pl.DataFrame:
     ended = events.filter(pl.col("kind") == "run_ended").sort("run_id", "seq").unique("run_id", keep="last")
     return ended.select("run_id", "outcome")
-
-
-def _stem(path: str) -> str:
-    return Path(path).name.removesuffix(".partial").removesuffix(".mcap")
-
-
-def _items(value: Any) -> Iterable[Any]:  # noqa: ANN401 - any JSON value
-    return value if isinstance(value, list) else []
-
-
-def _text(value: Any) -> str:  # noqa: ANN401 - any JSON value
-    return value if isinstance(value, str) else ""

@@ -15,6 +15,7 @@ from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.run_plots import run_plots
 from hrclog.analyzers.figures.table import DataTable, number
 from hrclog.analyzers.figures.text import printable, shorten
+from hrclog.analyzers.projections.tags import tags_summary
 from hrclog.analyzers.report.finding import Finding
 from hrclog.analyzers.report.findings import findings
 from hrclog.analyzers.report.methods import Remark, definitions, provenance, remarks
@@ -155,7 +156,7 @@ def _run_section(anchor: str, chosen: Chosen, run: RunFigures, numbers: Iterator
         schema={"time_s": pl.Float64, "level": pl.String, "event": pl.String},
     )
     log = DataTable("events", "Events", events, "Seconds since the run's first event.")
-    name = printable(run.name)
+    name = printable(run.label)
     return RunSection(
         anchor=anchor,
         name=name,
@@ -179,7 +180,9 @@ def _summary(analysis: Analysis) -> str:
     names = ", ".join(printable(agent) for agent in agents)
     days = _days(analysis.runs["start_ns"].drop_nulls().to_list())
     runs = f"{counted(analysis.runs.height, 'run')} of {counted(len(agents), 'agent')} ({names})"
-    return f"{runs}{days}, {counted(analysis.intervals.height, 'execution')}."
+    text = f"{runs}{days}, {counted(analysis.intervals.height, 'execution')}."
+    tags = tags_summary(analysis.runs)
+    return f"{text} Tags: {printable(tags)}." if tags else text
 
 
 def _days(starts_ns: Iterable[int]) -> str:

@@ -46,7 +46,7 @@ def save_run(figures: RunFigures, path: Path | str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    with recording(run_application(figures), figures.run_id, figures.name, path, run_blueprint(figures)) as rec:
+    with recording(run_application(figures), figures.run_id, figures.label, path, run_blueprint(figures)) as rec:
         send_run(rec, figures)
 
 

@@ -16,6 +16,7 @@ from hrclog._version import __version__
 from hrclog.errors import HrclogError
 
 VERBS = {
+    "annotate": "Give runs tags afterwards, such as participant=P01.",
     "analyze": "Durations, overlaps, synergies and pictures of recorded runs.",
     "check": "Check logs for damage and doubtful data.",
     "compare": "Compare two sets of runs.",

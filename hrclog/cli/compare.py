@@ -99,7 +99,8 @@ def command(
     if as_json:
         echo_json(comparison.to_json())
     else:
-        echo_lines(_summary(comparison, sides, (a, b)))
+        names = tuple(map(_side_name, sides, (conditions_a, conditions_b)))
+        echo_lines(_summary(comparison, names, (a, b)))
     return tell(comparison.diagnostics)
 
 
@@ -111,6 +112,10 @@ def _save(comparison: Comparison, folder: Path) -> None:
         (folder / JSON_NAME).write_text(comparison.to_json() + "\n", encoding="utf-8")
     except OSError as error:
         raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
+
+
+def _side_name(side: str, wanted: tuple[str, ...]) -> str:
+    return f"{side} where {', '.join(wanted)}" if wanted else side
 
 
 def _summary(comparison: Comparison, names: tuple[str, ...], analyses: tuple[Analysis, Analysis]) -> str:

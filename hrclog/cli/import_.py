@@ -9,7 +9,7 @@ from typing import Any, Final
 import click
 
 from hrclog.cli.common import Progress, echo, echo_lines, print_json, table, tell
-from hrclog.cli.tag_option import tag_option
+from hrclog.cli.tag_option import import_tag_option
 from hrclog.recorders.importers.importer import Imported, Importer, Option, Remark
 from hrclog.recorders.importers.importers import IMPORTERS
 from hrclog.wording import counted
@@ -47,7 +47,7 @@ def _command(importer: Importer) -> click.Command:
             click.Argument(["sources"], nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path)),
             click.Option(["-o", "--output"], type=click.Path(path_type=Path), help="Folder for the logs."),
             *map(_option, importer.options),
-            *([] if _takes_tags(importer) else [tag_option("run_tags")]),
+            *([] if _takes_tags(importer) else [import_tag_option()]),
             _option(_DRY_RUN),
             click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output."),
         ],

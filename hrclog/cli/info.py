@@ -140,17 +140,17 @@ def _runs(read: Logs) -> list[dict[str, Any]]:
 
     from hrclog.analyzers.projections.intervals import intervals
     from hrclog.analyzers.projections.runs import runs
+    from hrclog.analyzers.projections.tags import run_record
 
     events = read.events.group_by("run_id").agg(
         pl.len().alias("n_events"), pl.col("time_ns").min().alias("first_ns"), pl.col("time_ns").max().alias("last_ns")
     )
-    samples = read.signals.group_by("run_id").agg(pl.len().alias("n_signal_samples"))
-    rows = (
-        runs(read.events, intervals(read.events))
-        .join(events, on="run_id", how="left")
-        .join(samples, on="run_id", how="left")
-    )
-    return rows.with_columns(pl.col("n_signal_samples").fill_null(0)).to_dicts()
+    counts = {row["run_id"]: row for row in events.iter_rows(named=True)}
+    samples = dict(read.signals.group_by("run_id").len().iter_rows())
+    return [
+        run_record(row) | counts[row["run_id"]] | {"n_signal_samples": samples.get(row["run_id"], 0)}
+        for row in runs(read.events, intervals(read.events)).iter_rows(named=True)
+    ]
 
 
 def _file_table(files: list[dict[str, Any]]) -> str:
@@ -228,7 +228,7 @@ def _topic_table(rows: list[tuple[str, str, str, str]]) -> str:
 
 
 def _run_table(runs: list[dict[str, Any]]) -> str:
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             row["name"],
             _instant(row["first_ns"]),
@@ -241,7 +241,11 @@ def _run_table(runs: list[dict[str, Any]]) -> str:
         )
         for row in runs
     ]
-    header = ("run", "began (UTC)", "agents", "executions", "failed", "open", "makespan s", "outcome")
+    header: tuple[str, ...] = ("run", "began (UTC)", "agents", "executions", "failed", "open", "makespan s", "outcome")
+    if any(row["tags"] for row in runs):
+        header = (*header, "tags")
+        tags = (", ".join(f"{key}={value}" for key, value in row["tags"].items()) for row in runs)
+        rows = [(*row, text) for row, text in zip(rows, tags, strict=True)]
     return table(header, rows, lambda i: 2 < i < 7)
 
 

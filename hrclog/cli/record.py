@@ -14,6 +14,7 @@ import click
 
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
+from hrclog.cli.tag_option import tag_option
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class _Input:
 @click.option("--resume", is_flag=True, help="Continue the run at OUT.mcap in a further segment.")
 @click.option("--fsync", is_flag=True, help="Each event also survives a crash of the operating system.")
 @click.option("--ack", is_flag=True, help="Print seq and execution_id of each event once it is safe.")
+@tag_option
 @on_run_end_option
 @json_option
 def command(
@@ -78,6 +80,7 @@ def command(
     resume: bool,
     fsync: bool,
     ack: bool,
+    tags: dict[str, str],
     knowledge: str | None,
     as_json: bool,
 ) -> int:
@@ -104,6 +107,7 @@ def command(
             run=run,
             resume=resume,
             fsync=fsync,
+            tags=tags,
             hooks=tale.hooks(lambda: "canceled" if lines.stopped else "succeeded"),
         )
         if as_json:

@@ -14,6 +14,7 @@ from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, echo, echo_lines, jso
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.cli.replan_options import replan_options
 from hrclog.cli.run_options import RunOptions
+from hrclog.cli.tag_option import tag_option
 from hrclog.planning.dispatch_mode import MODES
 from hrclog.recorders.dispatch.policy import OnFailure
 from hrclog.sim.engine import ENGINES
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     required=True,
     help="The log to be, or with several plans or --repeat its folder; nothing is overwritten.",
 )
+@tag_option
 @on_run_end_option
 @json_option
 def command(

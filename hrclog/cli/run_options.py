@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -23,3 +24,4 @@ class RunOptions:
     replan_on: tuple[str, ...]
     delay_s: float | None
     real_time: bool
+    tags: Mapping[str, str]

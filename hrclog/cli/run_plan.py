@@ -141,6 +141,7 @@ def _execute_simulated(
         name=path.stem,
         replan=prepared.replan,
     )
+    run = run.tagged(options.tags)
     write_log(path, run.events, run.signals)
     return run.events
 
@@ -161,6 +162,7 @@ def _execute_live(prepared: Prepared, options: RunOptions, path: Path, number: i
         seed=options.seed,
         software={"engine": cell.name},
         replan=prepared.replan,
+        tags=options.tags,
     )
     nobody_simulated = set(prepared.ways) >= set(prepared.scenario.problem.agents)
     outcome, reason = run_live(

@@ -85,10 +85,7 @@ def command(
     from hrclog.cli.score_text import score_text
 
     _check_usage(logs, cv, train, test, static=static, transfer_deviation=transfer_deviation)
-    if output:
-        from hrclog.analyzers.output import check_writable
-
-        check_writable(output)
+    _check_writable(output)
     names = tuple(dict.fromkeys(estimators)) or SCORED
     true = _true_pairs(truth) if truth else None
     known, findings = _read_sessions(logs or train, clocks, conditions)
@@ -114,6 +111,13 @@ def command(
     else:
         echo_lines(score_text(result))
     return tell(findings)
+
+
+def _check_writable(folder: Path | None) -> None:
+    from hrclog.analyzers.output import check_writable
+
+    if folder is not None:
+        check_writable(folder)
 
 
 def _check_usage(

@@ -11,6 +11,7 @@ import click
 from hrclog.cli.cell_options import chosen_scenario, engine_option, safety_option, signals_option
 from hrclog.cli.common import Progress, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
+from hrclog.cli.tag_option import tag_option
 from hrclog.sim.scenario import scenario_names
 from hrclog.wording import agree, counted, share
 
@@ -41,6 +42,7 @@ from hrclog.wording import agree, counted, share
 @safety_option
 @signals_option
 @click.option("--workers", type=click.IntRange(min=1), default=1, show_default=True, help="Processes to use.")
+@tag_option
 @on_run_end_option
 @json_option
 def command(
@@ -52,6 +54,7 @@ def command(
     safety: str | None,
     signals_hz: float | None,
     workers: int,
+    tags: dict[str, str],
     knowledge: str | None,
     as_json: bool,
 ) -> int:
@@ -79,7 +82,7 @@ def command(
     with Following(knowledge) as following:
         try:
             paths = simulate_campaign(
-                cell, runs, seed, out_dir, workers, simulating.advance, engine, resuming, following.take
+                cell, runs, seed, out_dir, workers, simulating.advance, engine, resuming, following.take, tags=tags
             )
         finally:
             simulating.done()

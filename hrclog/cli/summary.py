@@ -34,11 +34,15 @@ def summary(analysis: Analysis, output: Path, drawn: int) -> str:
 
 
 def _headline(analysis: Analysis) -> str:
+    from hrclog.analyzers.projections.tags import tags_summary
+
     runs = analysis.runs
     agents = ", ".join(runs["agents"].explode(empty_as_null=False).unique().sort()) or "none"
     executions = counted(int(runs["n_executions"].sum()), "execution")
     text = f"{counted(runs.height, 'run')}, {executions}, agents: {printable(agents)}"
-    return f"{text}\n{_makespan(runs)}".rstrip()
+    tags = tags_summary(runs)
+    tagged = f"\ntags: {printable(tags)}" if tags else ""
+    return f"{text}{tagged}\n{_makespan(runs)}".rstrip()
 
 
 def _makespan(runs: pl.DataFrame) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Final
+
 import click
 
 from hrclog.errors import InvalidEventError
@@ -16,12 +18,17 @@ def _by_key(_context: click.Context, _parameter: click.Parameter, values: tuple[
         raise click.BadParameter(str(error)) from error
 
 
-def tag_option(name: str = "tags") -> click.Option:
-    """Return the option; its values by key are the argument of that name."""
-    return click.Option(
-        ["--tag", name],
-        multiple=True,
-        metavar="KEY=VALUE",
-        callback=_by_key,
-        help="A fact of every run, such as participant=P01; `--where` selects by it. Repeatable.",
-    )
+_SETTINGS: Final[dict[str, Any]] = {
+    "multiple": True,
+    "metavar": "KEY=VALUE",
+    "callback": _by_key,
+    "help": "A fact of every run, such as participant=P01; --where selects by it. Repeatable.",
+}
+
+
+def import_tag_option() -> click.Option:
+    """Return the option for a command that is made of parts; its values are the argument `run_tags`."""
+    return click.Option(["--tag", "run_tags"], **_SETTINGS)
+
+
+tag_option = click.option("--tag", "tags", **_SETTINGS)

@@ -17,6 +17,7 @@ from hrclog.knowledge.properties import TaskProperties, declared_properties, sna
 from hrclog.knowledge.rows import clean, clean_text
 from hrclog.knowledge.tables import RESULT_ORDER, TASK_RESULTS
 from hrclog.log.reader import ORDER
+from hrclog.log.remarks import without_said
 
 _TOTAL_ORDER: Final = (*ORDER, *(name for name in COLUMNS if name not in ORDER))
 _UNSET: Final = (None, "")
@@ -94,7 +95,11 @@ def _parts(frame: pl.DataFrame) -> dict[str, pl.DataFrame]:
 
 
 def _version(events: pl.DataFrame) -> Version:
-    """Return the version of one run; unset columns do not count, so that further columns change nothing."""
+    """Return the version of one run.
+
+    Unset columns do not count, so that further columns change nothing; nor does what was said of the run afterwards.
+    """
+    events = without_said(events)
     sha = hashlib.sha256()
     for values in events.select(COLUMNS).iter_rows():
         fields = {name: value for name, value in zip(COLUMNS, values, strict=True) if value not in _UNSET}

@@ -17,6 +17,7 @@ import polars as pl
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
+from hrclog.log.annotations.beside import with_annotations
 from hrclog.log.bags.folder import is_bag
 from hrclog.log.checks import check_events, check_given_numbers, usable, without_copies
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks, on_one_clock
@@ -160,7 +161,7 @@ def _read_all(
     ]
     for path in discovery.logs:
         try:
-            parts.append(read_log(path, signals=signals))
+            parts.append(_annotated(read_log(path, signals=signals), path))
         except LogReadError as error:
             failures.append(error)
         on_file(path)
@@ -189,8 +190,15 @@ def _as_note(finding: Diagnostic) -> Diagnostic:
     return replace(finding, code="not_imported") if finding.code == "no_events" else finding
 
 
+def _annotated(log: Logs, path: Path) -> Logs:
+    diagnostics = list(log.diagnostics)
+    return replace(log, events=with_annotations(log.events, path, diagnostics), diagnostics=diagnostics)
+
+
 def read_log(path: Path, *, signals: bool = False) -> Logs:
-    """Read one file or bag; its events are in the order of writing, and `seq` is null where the writer gave none.
+    """Read one file or bag, without annotations beside it.
+
+    Its events are in the order of writing, and `seq` is null where the writer gave none.
 
     Raises:
         LogReadError: it is missing, cannot be opened, or is no event log at all.

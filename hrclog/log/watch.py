@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hrclog.errors import LogReadError
-from hrclog.log.files.names import BAG_METADATA
+from hrclog.log.files.names import BAG_METADATA, is_annotations_name
 from hrclog.log.writing.journal import PARTIAL_SUFFIX
 
 Stamp = tuple[int, int, int]
@@ -52,6 +52,8 @@ def finished_log(journal: Path) -> Path:
 def _stamp(entry: os.DirEntry[str]) -> Stamp | None:
     """Return the stamp of a log, None of anything else, and of what has just gone."""
     try:
+        if is_annotations_name(entry.name):
+            return None
         if entry.name.endswith((".mcap", ".bag", f".mcap{PARTIAL_SUFFIX}")) and entry.is_file():
             status = entry.stat()
         elif entry.is_dir():

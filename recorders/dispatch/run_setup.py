@@ -25,6 +25,7 @@ class RunSetup:
         seed: of whatever is random in the executors; None if nothing is.
         software: versions by name, besides that of hrclog.
         replan: asked for another plan when the policy says so; None: nobody is asked.
+        tags: facts of the run, by key.
     """
 
     plan: Plan
@@ -33,6 +34,7 @@ class RunSetup:
     seed: int | None = None
     software: Mapping[str, str] = field(default_factory=dict)
     replan: Replan | None = None
+    tags: Mapping[str, str] = field(default_factory=dict)
 
     def check(self) -> None:
         """Raise if the plan cannot be carried out.
@@ -52,4 +54,5 @@ class RunSetup:
             "dispatch_mode": str(self.policy.mode),
             "software": {"hrclog": __version__, **self.software},
             "seed": self.seed,
+            "tags": dict(self.tags),
         }

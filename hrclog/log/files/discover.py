@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hrclog.log.files.names import BAG_METADATA
+from hrclog.log.files.names import BAG_METADATA, is_annotations_name
 from hrclog.log.files.search import Identity, identity_of, search
 from hrclog.log.files.system import exists
 from hrclog.wording import agree, counted
@@ -51,6 +51,8 @@ def discover(arguments: Iterable[str | Path]) -> Discovery:
             logs.setdefault(identity, log)
         unreadable.update(folder.unreadable)
         results.update(dict.fromkeys(folder.results))
+    plain = {identity: path for identity, path in logs.items() if not is_annotations_name(path.name)}
+    logs = plain or logs
     unread = [*_journals_beside(logs.values()), *_in_results(results, logs)]
     return Discovery(list(logs.values()), frozenset(named), list(unreadable.items()), unread)
 

@@ -9,6 +9,8 @@ import polars as pl
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import RunStarted
+from hrclog.log.annotations.said import Said, said_in
+from hrclog.log.remarks import said_among
 from hrclog.tags import TAGS, value_text
 
 _MEMBER: Final = f'"{TAGS}"'
@@ -17,7 +19,8 @@ _MEMBER: Final = f'"{TAGS}"'
 def run_tags(events: pl.DataFrame) -> dict[str, dict[str, str]]:
     """Return the tags of each run that has any, its keys in order.
 
-    A later segment of a run adds to what the first one tells. What is no text or number is no tag.
+    A later segment of a run adds to what the first one tells, an annotation to both; what was said last holds. What is
+    no text or number is no tag.
 
     Args:
         events: an events frame.
@@ -25,13 +28,21 @@ def run_tags(events: pl.DataFrame) -> dict[str, dict[str, str]]:
     tags: dict[str, dict[str, str]] = {}
     for run_id, details in _telling(events).select("run_id", "details").iter_rows():
         tags.setdefault(run_id, {}).update(_tags(_details(details).get(TAGS)))
+    annotations = said_among(events).select("run_id", "details").iter_rows()
+    for run_id, said in sorted(((run_id, said_in(details)) for run_id, details in annotations), key=_when):
+        tags.setdefault(run_id, {}).update(said.tags)
+    tags = {run_id: {key: value for key, value in of_run.items() if value} for run_id, of_run in tags.items()}
     return {run_id: dict(sorted(of_run.items())) for run_id, of_run in sorted(tags.items()) if of_run}
 
 
 def _telling(events: pl.DataFrame) -> pl.DataFrame:
-    """Return the events that tell tags, in the order of their runs' segments."""
+    """Return the starts of runs that tell tags, in the order of their runs' segments."""
     started = events.filter(pl.col("kind") == RunStarted.kind)
     return started.filter(pl.col("details").str.contains(_MEMBER, literal=True)).sort("run_id", "seq")
+
+
+def _when(entry: tuple[str, Said]) -> int:
+    return entry[1].at_ns
 
 
 def _details(text: str) -> dict[str, Any]:
