@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import polars as pl
 import pytest
@@ -17,6 +17,12 @@ from hrclog.log.files.search import RESULTS_FILE
 from hrclog.log.reader import read_logs
 
 Run = Callable[..., Any]
+
+
+class Analyzed(Protocol):
+    """The sample campaign analysed; conftest.py holds the class."""
+
+    folder: Path
 
 
 def put(path: Path, content: bytes = b"") -> Path:
@@ -40,19 +46,19 @@ def test_a_link_to_nothing_is_told(run: Run, samples: Path, tmp_path: Path) -> N
 
 
 def test_results_are_passed_over_with_a_word_and_read_when_they_are_named(
-    run: Run, samples: Path, tmp_path: Path
+    run: Run, analyzed: Analyzed, samples: Path, tmp_path: Path
 ) -> None:
     assert RESULTS_FILE == JSON_NAME
     logs = tmp_path / "logs"
     shutil.copytree(samples / "campaign", logs)
-    assert run("analyze", logs / "paper_0000.mcap", "-o", logs / "out", "--recordings", "0").code == 0
+    shutil.copytree(analyzed.folder, logs / "out")
     put(logs / "other" / RESULTS_FILE, b"{}")
     shutil.copy(samples / "single.mcap", logs / "other")
     shutil.copy(samples / "failures.mcap", logs / "out" / "runs")
     found = discover([logs])
     assert len(found.logs) == 13
     assert [(path.name, text) for path, text in found.unread] == [
-        ("out", "1 log in this folder of results was not read; name it too")
+        ("out", "1 log in this folder of results was not read; name the folder too")
     ]
     assert names(logs, logs / "out") == ["out/runs/failures.mcap"]
     both = discover([logs, logs / "out" / "runs"])

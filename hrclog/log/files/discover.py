@@ -80,8 +80,9 @@ def _in_results(folders: Iterable[Path], logs: Iterable[Identity]) -> list[tuple
     for folder in folders:
         n_unread = len(set(search(folder).logs) - chosen)
         if n_unread:
-            remedy = agree(n_unread, "was not read; name it too", "were not read; name those too")
-            notes.append((folder, f"{counted(n_unread, 'log')} in this folder of results {remedy}"))
+            were = agree(n_unread, "was", "were")
+            text = f"{counted(n_unread, 'log')} in this folder of results {were} not read; name the folder too"
+            notes.append((folder, text))
     return notes
 
 

@@ -48,8 +48,8 @@ class Searched:
 def search(folder: Path) -> Searched:
     """Search a folder. Hidden folders, those of tools and those of results are left out, unless it is one itself.
 
-    Links are followed once, and not to a folder that they lie in. Of several names of a file the one that needs no link
-    counts, and of those the first.
+    Links are followed once, and not to a folder that they, or the folder that is searched, lie in. Of several names of a
+    file the one that needs no link counts, and of those the first.
     """
     scan = _Search(folder)
     scan.run()
@@ -75,7 +75,7 @@ class _Search:
         self.parts: set[Identity] = set()  # of bags, which are read as a whole
         self.unreadable: list[tuple[Path, str]] = []
         self.results: list[Path] = []
-        self._root = root
+        self._root, self._real_root = root, os.path.realpath(root)
         self._folders: set[Identity] = set()
         self._links: list[Path] = []
 
@@ -113,6 +113,14 @@ class _Search:
             self.results.append(folder)
         return is_results
 
+    def _leads_up(self, link: Path) -> bool:
+        """Return whether a link leads to a folder that it lies in, or that holds the folder that is searched."""
+        target = os.path.realpath(link)
+        return any(
+            place == target or place.startswith(target.rstrip(os.sep) + os.sep)
+            for place in (os.path.realpath(link.parent), self._real_root)
+        )
+
     def _take(self, folder: Path, entries: Sequence[os.DirEntry[str]], *, by_link: bool) -> list[Path]:
         """Keep the logs right in a folder, and return the folders there; links to others are kept for later."""
         folders: list[Path] = []
@@ -124,7 +132,7 @@ class _Search:
                 _keep_first(logs, identity, (by_link or is_link, path.parts, path))
             elif kind == "folder" and not is_link:
                 folders.append(path)
-            elif kind == "folder" and not _leads_up(path):
+            elif kind == "folder" and not self._leads_up(path):
                 self._links.append(path)
         if any(entry.name == BAG_METADATA for entry in entries) and (logs or _BAG_KEY in _head(folder / BAG_METADATA)):
             self.parts.update(logs)
@@ -156,12 +164,6 @@ def _keep_first(logs: dict[Identity, _Entry], identity: Identity, entry: _Entry)
 def _is_searched(name: str) -> bool:
     """Return whether a folder of that name is searched: those of tools and hidden ones hold no logs of a user's."""
     return not name.startswith(".") and name not in _NOT_SEARCHED
-
-
-def _leads_up(link: Path) -> bool:
-    """Return whether a link leads to a folder that it lies in."""
-    target, place = os.path.realpath(link), os.path.realpath(link.parent)
-    return place == target or place.startswith(target.rstrip(os.sep) + os.sep)
 
 
 def _holds_results(folder: Path, names: Iterable[str]) -> bool:

@@ -85,6 +85,11 @@ def test_links_are_followed_out_of_the_folder_and_not_up(tmp_path: Path) -> None
         (root / link).parent.mkdir(exist_ok=True)
         (root / link).symlink_to(target)
     (outside / "back").symlink_to(root)
+    (outside / "all").symlink_to(tmp_path)
+    above = tmp_path / "above"
+    above.mkdir()
+    (outside / "other").symlink_to(above)
+    (above / "all").symlink_to(tmp_path)
     assert names(root) == ["again/far.mcap", "here.mcap"]
     assert names(tmp_path, root, outside) == [*(f"root/{name}" for name in names(root))]
 
