@@ -48,8 +48,8 @@ class Searched:
 def search(folder: Path) -> Searched:
     """Search a folder. Hidden folders, those of tools and those of results are left out, unless it is one itself.
 
-    Links are followed once, and not to a folder that they, or the folder that is searched, lie in. Of several names of a
-    file the one that needs no link counts, and of those the first.
+    Links are followed once, and not to a folder that they, or the folder that is searched, lie in. Of several names of
+    a file the one that needs no link counts, and of those the first.
     """
     scan = _Search(folder)
     scan.run()
