@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from hrclog.errors import HrclogError, LogReadError
+from hrclog.errors import HrclogError, LogReadError, NoLogError
 
 if TYPE_CHECKING:
     from hrclog.diagnostic import Diagnostic
@@ -22,41 +22,76 @@ _FAILED: Final = "unreadable_file"
 
 def with_hint(error: HrclogError) -> str:
     """Return the text of an error, with the command that imports the file where it is not a log."""
-    cause = error.__cause__ if isinstance(error.__cause__, LogReadError) else error
-    if not isinstance(cause, LogReadError):
-        return str(error)
-    return _joined(str(error), import_line(cause.path, logs_too=False))
+    for cause in (error, error.__cause__):
+        if isinstance(cause, NoLogError):
+            return joined(str(error), import_line(cause.path, logs_too=False))
+    return str(error)
 
 
 def hinted(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Return findings, those of files that are no logs of hrclog with the command that imports them."""
     return [
-        replace(finding, message=_joined(finding.message, _line_for(finding)))
+        replace(finding, message=joined(finding.message, _line_for(finding)))
         if finding.path and finding.code in (*_FOREIGN, _FAILED)
         else finding
         for finding in findings
     ]
 
 
+def other_importer_line(path: Path, used: str) -> str:
+    """Return the command that imports a file by another importer than was used; "" if none does."""
+    line = import_line(path, logs_too=True)
+    return "" if line.startswith(f"hrclog import {used} ") else line
+
+
+def joined(text: str, line: str) -> str:
+    """Return a text with a command behind it, if there is one."""
+    return f"{text}; import it with `{line}`" if line and line not in text else text
+
+
 def import_line(path: Path, *, logs_too: bool) -> str:
-    """Return the command that imports a file, or the first file of a folder that can be imported; "" if none can.
+    """Return the command that imports a file, or files of a folder: those that go like the first; "" if none can.
 
     Args:
         path: of the file, bag or folder.
         logs_too: whether it may be a file that hrclog reads as it is: a bag.
     """
+    files = _files_at(path, logs_too=logs_too)
+    for file in files:
+        typed = _typed(file, logs_too=logs_too)
+        if typed is None:
+            continue
+        importer, arguments = typed
+        if logs_too or file == path:
+            name = shell_quoted(str(path))
+        else:
+            alike = [other for other in files if other.parent == file.parent and other.suffix == file.suffix]
+            is_several = len(alike) > 1 and all(_typed(other, logs_too=False) == typed for other in alike)
+            name = _glob(file) if is_several and file.suffix.isprintable() else shell_quoted(str(file))
+        return " ".join(["hrclog import", importer, name, *([arguments] if arguments else [])])
+    return ""
+
+
+def _glob(file: Path) -> str:
+    return f"{shell_quoted(str(file.parent))}/*{shlex.quote(file.suffix)}"
+
+
+def _typed(file: Path, *, logs_too: bool) -> tuple[str, str] | None:
+    """Return the importer that a file fits, and what is typed behind its name."""
     from hrclog.log.files.formats import HEAD_BYTES, Format, recognise
     from hrclog.recorders.importers.heads import without_compression
+    from hrclog.recorders.importers.importers import IMPORTERS
 
-    for file in _files_at(path, logs_too=logs_too):
-        head = _head(file)
-        kind = recognise(without_compression(head)[:HEAD_BYTES])
-        if not head or (kind in (Format.MCAP, Format.SQLITE, Format.ROS1, Format.RERUN) and not logs_too):
-            continue
-        line = _line(path if logs_too else file, head)
-        if line:
-            return line
-    return ""
+    head = _head(file)
+    kind = recognise(without_compression(head)[:HEAD_BYTES])
+    if not head or (kind in (Format.MCAP, Format.SQLITE, Format.ROS1, Format.RERUN) and not logs_too):
+        return None
+    for name in IMPORTERS.names():
+        with suppress(Exception):  # an importer of another package may fail in any way
+            arguments = IMPORTERS[name].arguments_for(head, file.name)
+            if arguments is not None:
+                return name, arguments
+    return None
 
 
 def shell_quoted(text: str) -> str:
@@ -75,37 +110,30 @@ def _line_for(finding: Diagnostic) -> str:
 
     if finding.code in _FOREIGN:
         return import_line(Path(finding.path), logs_too=True) if tells_of_another_system(finding) else ""
-    return import_line(Path(finding.path), logs_too=False)
-
-
-def _line(path: Path, head: bytes) -> str:
-    from hrclog.recorders.importers.importers import IMPORTERS
-
-    for name in IMPORTERS.names():
-        with suppress(HrclogError):  # an importer of another package that cannot be loaded
-            arguments = IMPORTERS[name].arguments_for(head, path.name)
-            if arguments is not None:
-                return " ".join(["hrclog import", name, shell_quoted(str(path)), *([arguments] if arguments else [])])
-    return ""
-
-
-def _joined(text: str, line: str) -> str:
-    return f"{text}; import it with `{line}`" if line and line not in text else text
+    return import_line(Path(finding.path), logs_too=False) if Path(finding.path).is_file() else ""
 
 
 def _files_at(path: Path, *, logs_too: bool) -> list[Path]:
-    """Return the file itself, the parts of a bag, or the first files right in a folder."""
+    """Return the file itself, the parts of a bag, or the first files of a folder, from its top."""
     from hrclog.log.bags.folder import open_bag
+    from hrclog.log.files.search import RESULTS_FILE
 
     try:
         if not path.is_dir():
             return [path] if path.is_file() else []
         if logs_too:
             return open_bag(path).parts
-        with os.scandir(path) as entries:
-            return sorted(path / entry.name for entry in entries if entry.is_file())[:_MOST_FILES]
     except (OSError, ValueError, LogReadError):
         return []
+    files: list[Path] = []
+    for folder, below, names in os.walk(path):
+        below[:] = sorted(name for name in below if not name.startswith("."))
+        if RESULTS_FILE in names:
+            continue
+        files += [file for name in sorted(names) if (file := Path(folder, name)).is_file()]
+        if len(files) > _MOST_FILES:
+            break
+    return files[:_MOST_FILES]
 
 
 def _head(path: Path) -> bytes:

@@ -9,7 +9,9 @@ from typing import Any, Final
 import click
 
 from hrclog.cli.common import Progress, echo, echo_lines, print_json, table, tell
+from hrclog.cli.hints import joined, other_importer_line
 from hrclog.cli.tag_option import import_tag_option
+from hrclog.errors import HrclogError, ImportDataError
 from hrclog.recorders.importers.importer import Imported, Importer, Option, Remark
 from hrclog.recorders.importers.importers import IMPORTERS
 from hrclog.wording import counted
@@ -84,7 +86,16 @@ def _answer(imported: Imported, folder: Path | None) -> list[str]:
 
 
 def _callback(importer: Importer) -> Any:
-    def run(
+    def run(sources: Sequence[Path], output: Path | None, as_json: bool, **options: Any) -> int:
+        try:
+            return do_import(sources, output, as_json, **options)
+        except ImportDataError as error:
+            other = other_importer_line(error.path, importer.name)
+            if other:
+                raise HrclogError(joined(str(error), other)) from error
+            raise
+
+    def do_import(
         sources: Sequence[Path], output: Path | None, as_json: bool, *, dry_run: bool = False, **options: Any
     ) -> int:
         from hrclog.recorders.importers.writing import import_files

@@ -16,7 +16,7 @@ from typing import Final
 import polars as pl
 
 from hrclog.diagnostic import Diagnostic
-from hrclog.errors import LogReadError
+from hrclog.errors import LogReadError, NoLogError
 from hrclog.log.annotations.beside import with_annotations
 from hrclog.log.bags.folder import is_bag
 from hrclog.log.checks import check_events, check_given_numbers, usable, without_copies
@@ -147,7 +147,7 @@ def _discover(arguments: list[str | Path]) -> Discovery:
     if not discovery.logs and not discovery.unreadable:
         names = ", ".join(map(str, arguments)) or "no argument"
         remedy = "; ".join(f"{path}: {text}" for path, text in discovery.unread)
-        raise LogReadError(names, "no log", "paths, folders or globs of .mcap files", remedy)
+        raise NoLogError(names, "no log", "paths, folders or globs of .mcap files", remedy)
     return discovery
 
 

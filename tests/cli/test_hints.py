@@ -166,6 +166,53 @@ def test_a_folder_without_logs_and_a_table_among_logs_are_told(run: Run, samples
     assert HINT.findall(both.err) == [line]
 
 
+def test_tables_of_a_folder_are_imported_together(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("P01", "P02"):
+        folder = tmp_path / "my study" / "tables"
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"{name}.csv").write_text(STUDY)
+    [line] = HINT.findall(run("analyze", "my study").err)
+    assert line == "hrclog import table 'my study/tables'/*.csv -o logs"
+    script = line.replace("hrclog", f"{sys.executable} -m hrclog", 1)
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("2 runs, 2 executions")
+    (folder / "notes.csv").write_bytes(b"\x00\x01")
+    assert HINT.findall(run("analyze", "my study").err) == ["hrclog import table 'my study/tables/P01.csv' -o logs"]
+
+
+def test_tables_of_results_are_not_to_be_imported(run: Run, samples: Path, tmp_path: Path) -> None:
+    assert run("export", samples / "single.mcap", "-o", tmp_path, "--table", "runs").code == 0
+    (tmp_path / "analysis.json").write_text("{}")
+    for command in (["check"], ["view", "--run", "nobody"]):
+        result = run(*command, tmp_path)
+        assert (result.code, "hrclog import" in result.err) == (1, False)
+
+
+def test_an_importer_that_fails_hides_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> str:
+        raise RuntimeError("broken")
+
+    (tmp_path / "study.csv").write_text(STUDY)
+    monkeypatch.setattr(IMPORTERS["bag"], "arguments_for", fail, raising=False)
+    assert import_line(tmp_path / "study.csv", logs_too=False).startswith("hrclog import table ")
+
+
+def test_another_importer_is_named_where_it_fits(run: Run, samples: Path, tmp_path: Path) -> None:
+    (tmp_path / "study.csv").write_text(STUDY)
+    (tmp_path / "dump.json").write_text(json.dumps([ROW, ROW | {"agent": "human"}]))
+    (tmp_path / "bad.csv").write_text("a,b\n1,2\n")
+    bag = samples / "ros2_actions" / "tuesday" / "tuesday_0.mcap"
+    for importer, file, line in (
+        ("mongo", tmp_path / "study.csv", f"hrclog import table {tmp_path / 'study.csv'} -o logs"),
+        ("table", bag, f"hrclog import bag {bag} --suggest"),
+    ):
+        result = run("import", importer, file, "-o", tmp_path / "logs")
+        assert (result.code, HINT.findall(result.err)) == (1, [line])
+    same = run("import", "table", tmp_path / "bad.csv", "-o", tmp_path / "logs")
+    assert (same.code, HINT.findall(same.err)) == (1, [])
+
+
 @settings(max_examples=200)
 @given(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1))
 def test_a_shell_takes_a_name_for_one_word(name: str) -> None:

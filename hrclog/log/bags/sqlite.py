@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from mcap.records import Channel, Schema
 
-from hrclog.errors import LogReadError
+from hrclog.errors import LogReadError, NoLogError
 from hrclog.log.bags.sqlite_rows import Damage, message_rows
 from hrclog.log.mcap.contents import Contents, Wanted, batch_of
 from hrclog.log.mcap.records import Problem
@@ -81,7 +81,7 @@ def _opened(path: Path, content: bytes | None) -> Iterator[sqlite3.Connection]:
 def _declare(database: sqlite3.Connection, contents: Contents, path: Path) -> None:
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"topics", "messages"} <= tables or not {"topic_id", "timestamp", "data"} <= _columns(database, "messages"):
-        raise LogReadError(path, "an SQLite file that is no part of a bag", "a log", "name a log or a bag")
+        raise NoLogError(path, "an SQLite file that is no part of a bag", "a log", "name a log or a bag")
     definitions: dict[str, tuple[str, str]] = {}
     if "message_definitions" in tables:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"

@@ -6,7 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Final
 
-from hrclog.errors import LogReadError
+from hrclog.errors import NoLogError
 from hrclog.log.mcap.records import MAGIC
 
 HEAD_BYTES: Final = 64
@@ -61,13 +61,13 @@ def recognise(head: bytes) -> Format:
     return next((kind for beginning, kind in _BEGINNINGS if head.startswith(beginning)), Format.OTHER)
 
 
-def foreign_error(path: Path, head: bytes) -> LogReadError:
+def foreign_error(path: Path, head: bytes) -> NoLogError:
     """Return the error for a file that is no log."""
     kind = Format.RERUN if path.suffix == ".rrd" else recognise(head)
     if kind is Format.RERUN:
-        return LogReadError(path, kind.value, "an event log", f"open it with `hrclog view {path}`")
+        return NoLogError(path, kind.value, "an event log", f"open it with `hrclog view {path}`")
     if kind is Format.OFFICE:
-        return LogReadError(path, kind.value, "an MCAP log or a ROS bag")
+        return NoLogError(path, kind.value, "an MCAP log or a ROS bag")
     if kind is Format.PACKED:
-        return LogReadError(path, kind.value, "a log, as it is or with zstd or gzip", "unpack it first")
-    return LogReadError(path, f"a file that begins with {head[:8]!r}", "an MCAP log or a ROS bag")
+        return NoLogError(path, kind.value, "a log, as it is or with zstd or gzip", "unpack it first")
+    return NoLogError(path, f"a file that begins with {head[:8]!r}", "an MCAP log or a ROS bag")
