@@ -104,7 +104,7 @@ def _group_plot(complete: pl.DataFrame, kind: str, notes: tuple[str, ...]) -> Pl
         .sort(["n", "mean", _GROUP], descending=[True, False, False])
     )
     has_more = groups.height > MAX_GROUPS
-    group_note = f"{MAX_GROUPS} of {groups.height:,} groups are drawn, those with the most runs." if has_more else ""
+    group_note = f"{MAX_GROUPS} of {groups.height:,} {kind}s are drawn, those with the most runs." if has_more else ""
     drawn_groups = groups.head(MAX_GROUPS).sort("mean", _GROUP)
     rows = [
         Row(name or NOT_SAID, tuple(seconds), tuple(names))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from hrclog.analyzers.projections.intervals import intervals
 from hrclog.errors import HrclogError, ImportDataError
 from hrclog.log.reader import read_events
 from hrclog.recorders.importers.importer import Imported
-from hrclog.recorders.importers.mongo import import_mongo
 from hrclog.recorders.importers.table.importer import TableImporter
 from hrclog.recorders.importers.writing import import_files
 
@@ -122,43 +120,6 @@ def test_a_row_per_event_says_the_same_as_a_row_per_execution(tmp_path: Path) ->
     run_import(save(FACTS, tmp_path / "a.csv"), tmp_path / "a")
     run_import(save(event_form(FACTS), tmp_path / "b.csv"), tmp_path / "b")
     assert_frame_equal(facts_of(tmp_path / "a"), facts_of(tmp_path / "b"))
-
-
-@pytest.mark.parametrize("form", ["epoch s", "iso", "since the start"])
-def test_real_runs_in_tables_are_those_of_the_mongo_import(form: str, data_dir: Path, tmp_path: Path) -> None:
-    documents = json.loads((data_dir / "safety_areas" / "task_results.json").read_text())
-    recipes = sorted({document["recipe"] for document in documents})[:4]
-    chosen = [document for document in documents if document["recipe"] in recipes]
-    (tmp_path / "dump.json").write_text(json.dumps(chosen))
-    import_mongo([tmp_path / "dump.json"], tmp_path / "mongo")
-    mongo = intervals(read_events(tmp_path / "mongo"))
-    zero = mongo.select(pl.col("start_ns").min().over("run_id")).to_series()
-
-    def cell(ns: int, origin: int) -> str:
-        if form == "iso":
-            return f"{datetime.fromtimestamp(ns // 10**9, UTC):%Y-%m-%dT%H:%M:%S}.{ns % 10**9:09d}Z"
-        ns -= origin if form == "since the start" else 0
-        return f"{ns // 10**9}.{ns % 10**9:09d}"
-
-    table = mongo.select("run_id", "agent", "task", "outcome").with_columns(
-        *(
-            pl.Series(name, [cell(ns, origin) for ns, origin in zip(mongo[f"{name}_ns"], zero, strict=True)])
-            for name in ("start", "end")
-        ),
-        pl.Series("began", [datetime.fromtimestamp(origin // 10**9, UTC).isoformat() for origin in zero]),
-    )
-    run_import(
-        save(table, tmp_path / "t.csv"),
-        tmp_path / "logs",
-        run=("run_id",),
-        run_start="began" if form[0] == "s" else None,
-    )
-    found, expected = facts_of(tmp_path / "logs"), facts_of(tmp_path / "mongo")
-    names = ("agent", "task", "outcome")
-    lengths = (pl.col("end_ns") - pl.col("start_ns")).alias("ns")
-    assert_frame_equal(found.select(*names, lengths).sort(pl.all()), expected.select(*names, lengths).sort(pl.all()))
-    if form != "since the start":  # the instant of the start is written in whole seconds there
-        assert_frame_equal(found.drop("reason"), expected.drop("reason"))
 
 
 def test_importing_twice_adds_nothing_and_a_changed_row_is_told(tmp_path: Path) -> None:
