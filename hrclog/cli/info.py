@@ -10,6 +10,7 @@ import click
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import echo, echo_lines, json_option, logs_argument, number, print_json, printable, table, tell
 from hrclog.cli.hints import hinted, import_line
+from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -32,8 +33,9 @@ _KINDS: Final = {"MCAP": "MCAP", "OTHER": "MCAP", "SQLITE": "SQLite of ROS 2", "
 @click.command(name="info")
 @logs_argument
 @clock_option
+@where_option
 @json_option
-def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int:
+def command(logs: tuple[str, ...], clocks: dict[str, int], conditions: tuple[str, ...], as_json: bool) -> int:
     """Show what logs hold: files, runs, agents, events, span, and whether they were closed.
 
     Lists the topics of any recording - MCAP, ROS 2 or ROS 1 bag - with types and numbers of messages, and describes any
@@ -45,7 +47,7 @@ def command(logs: tuple[str, ...], clocks: dict[str, int], as_json: bool) -> int
     """
     from hrclog.log.reader import read_logs
 
-    read = read_logs(logs, signals=True, clocks=clocks)
+    read = read_logs(logs, signals=True, clocks=clocks, where=conditions)
     recordings = {path: _described(path) for path in read.paths}
     diagnostics = _diagnostics(read, recordings)
     files, runs = _files(read), _runs(read)
