@@ -10,7 +10,7 @@ Severity = Literal["error", "warning", "info"]
 
 CODES: Final[dict[str, tuple[Severity, str]]] = {
     # data that was lost or skipped
-    "unreadable_file": ("error", "a file could not be read; the other files were"),
+    "unreadable_file": ("error", "a file or folder could not be read; the others were"),
     "missing_part": ("error", "a bag lists a part that is not there"),
     "no_header": ("error", "the file ends before its header, so it holds 0 events"),
     "truncated": ("error", "the file ends inside a record, whose bytes were ignored"),
@@ -62,7 +62,11 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "zero_duration": ("warning", "an execution ended in the instant in which it started"),
     "implausible_time": ("warning", "a run began before 2000 or lasted longer than a week: a wrong unit or clock?"),
     "impossible_factor": ("warning", "an estimator gave a factor of 0 or less: the data do not support a factor there"),
-    "unread_logs": ("warning", "logs lie beside or below those that were given, and were not read"),
+    "unread_logs": ("warning", "logs lie beside those that were given, or in a folder of results, and were not read"),
+    "not_imported": (
+        "warning",
+        "a recording of another system lies in a folder of logs: it carries no events, and was left out",
+    ),
     "outcome_not_told": (
         "warning",
         "ends that tell no outcome, where others of their run or table do: they count as unknown",

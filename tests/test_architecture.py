@@ -42,6 +42,7 @@ ARROWS: Mapping[str, str] = {
         "log.annotations log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts "
         "log.runs log.writing"
     ),
+    "log.topics": "log.bags log.files log.mcap log.messages log.parts",
     "log.recover": "log.files log.losses log.mcap log.messages log.reader log.remarks log.writing",
     "log.begun": "log.losses log.mcap log.messages log.recover",
     "log.follow": "log.mcap log.messages",

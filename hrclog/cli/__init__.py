@@ -80,7 +80,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except HrclogError as error:
         if debug:
             raise
-        _tell(f"hrclog: error: {error}")
+        from hrclog.cli.hints import with_hint  # what it imports is not needed for --help
+
+        _tell(f"hrclog: error: {with_hint(error)}")
         return 1
     except click.ClickException as error:
         with io.StringIO() as text:

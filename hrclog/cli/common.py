@@ -145,6 +145,7 @@ def print_json(value: Any, *, indent: int | None = 2) -> None:
 
 def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
     """Print findings on standard error, the first few of each kind, and return the exit code they ask for."""
+    from hrclog.cli.hints import hinted
     from hrclog.diagnostic import ALWAYS_TOLD, loses_data
 
     rank = {"error": 0, "warning": 1, "info": 2}
@@ -155,7 +156,7 @@ def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
             continue
         shown[diagnostic.code] += 1
         if shown[diagnostic.code] <= _SHOWN_PER_CODE:
-            echo(str(diagnostic), err=True)
+            echo(str(*hinted([diagnostic])), err=True)
     for code, count in shown.items():
         if count > _SHOWN_PER_CODE:
             echo(f"... and {count - _SHOWN_PER_CODE} more [{code}]", err=True)

@@ -15,7 +15,8 @@ from hrclog.arrays import IntArray
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.log.bags.folder import open_bag
-from hrclog.log.files.discover import BAG_METADATA, find_logs, plain_name
+from hrclog.log.files.discover import find_logs
+from hrclog.log.files.names import BAG_METADATA, plain_name
 from hrclog.log.mcap.contents import Batch, Contents
 from hrclog.log.messages.definitions import type_name
 from hrclog.log.messages.failures import Failures

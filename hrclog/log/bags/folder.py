@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from hrclog.errors import LogReadError
-from hrclog.log.files.discover import BAG_METADATA, COMPRESSIONS, is_log_name, plain_name
+from hrclog.log.files.names import BAG_METADATA, COMPRESSIONS, is_log_name, plain_name
 
 _MOST_BYTES: Final = 1 << 20
 _LIST: Final = re.compile(r"^\s*relative_file_paths\s*:\s*(\[[^\]]*\])?[^\S\n]*$", re.MULTILINE)

@@ -17,8 +17,9 @@ from hrclog.log.reader import ORDER, Logs
 from hrclog.recorders.importers.table.columns import bind
 from hrclog.recorders.importers.table.executions import read_rows
 from hrclog.recorders.importers.table.frames import as_polars
-from hrclog.recorders.importers.table.importer import TableImporter, events_of, with_proposal
+from hrclog.recorders.importers.table.importer import TableImporter
 from hrclog.recorders.importers.table.mapping import check_mapping, from_options
+from hrclog.recorders.importers.table.reading import events_of, with_proposal
 from hrclog.recorders.importers.table.runs import TableFile
 from hrclog.recorders.importers.table.tables import table_of_frame
 from hrclog.recorders.importers.writing import write_packed_logs
