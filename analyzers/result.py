@@ -17,6 +17,7 @@ from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.diagnostic import Diagnostic
+from hrclog.log.annotations.exclusions import Exclusion
 from hrclog.log.messages.recorded_scene import RecordedScene
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class Analysis:
     observations: Observations
     fit: Fit
     scene: RecordedScene = field(default_factory=RecordedScene)
+    exclusions: list[Exclusion] = field(default_factory=list)
 
     @cached_property
     def executions(self) -> pl.DataFrame:
@@ -84,6 +86,7 @@ class Analysis:
             "durations": self.durations.to_dicts(),
             "synergies": self.synergies.to_dicts(),
             "overlaps": self.pair_overlaps.to_dicts(),
+            "exclusions": [exclusion.as_dict() for exclusion in self.exclusions],
             "diagnostics": [diagnostic.as_dict() for diagnostic in self.diagnostics],
         }
 

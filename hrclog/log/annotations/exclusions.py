@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import polars as pl
 
@@ -50,6 +50,18 @@ class Exclusion:
     author: str
     at_ns: int
     executions: Mapping[str, tuple[str, str]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {
+            "run_id": self.run_id,
+            "verdict": str(self.verdict),
+            **self.target.to_json(),
+            "executions": list(self.executions),
+            "reason": self.reason,
+            "author": self.author,
+            "at_ns": self.at_ns,
+        }
 
 
 @dataclass(frozen=True, slots=True)
