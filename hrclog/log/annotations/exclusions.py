@@ -99,7 +99,7 @@ def not_learnt(events: pl.DataFrame) -> pl.DataFrame:
 
 def exclusions_in(events: pl.DataFrame) -> list[Exclusion]:
     """Return what is excluded or not learnt from, in the order of runs and of time."""
-    if not (events["kind"] == AnnotationAdded.kind).any():
+    if not _may_hold_words(events):
         return []
     last = _last_words(events)
     if not last:
@@ -117,6 +117,8 @@ def exclusions_in(events: pl.DataFrame) -> list[Exclusion]:
 
 def excluded_runs(events: pl.DataFrame) -> list[Exclusion]:
     """Return what is said of whole runs that are excluded."""
+    if not _may_hold_words(events):
+        return []
     exclusions = exclusions_in(said_among(events))
     return [entry for entry in exclusions if entry.target.is_run and entry.verdict is Verdict.EXCLUDED]
 
@@ -140,6 +142,11 @@ def exclusion_diagnostics(exclusions: Iterable[Exclusion]) -> list[Diagnostic]:
 
 
 _VERDICTS: Final = {Verdict.EXCLUDED: "excluded", Verdict.NOT_LEARNT: "not learnt from"}
+
+
+def _may_hold_words(events: pl.DataFrame) -> bool:
+    """Return whether anything may have been said; a column by itself costs little, and most logs have no annotation."""
+    return bool((events["kind"] == AnnotationAdded.kind).any())
 
 
 def _summary(entries: list[Exclusion], verdict: Verdict) -> str:
