@@ -143,8 +143,14 @@ def print_json(value: Any, *, indent: int | None = 2) -> None:
     echo_json(json.dumps(value, ensure_ascii=False, indent=indent, allow_nan=False))
 
 
-def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
-    """Print findings on standard error, the first few of each kind, and return the exit code they ask for."""
+def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False, hints: bool = True) -> int:
+    """Print findings on standard error, the first few of each kind, and return the exit code they ask for.
+
+    Args:
+        diagnostics: the findings.
+        info: facts too.
+        hints: say of files that are no logs which command imports them.
+    """
     from hrclog.cli.hints import hinted
     from hrclog.diagnostic import ALWAYS_TOLD, loses_data
 
@@ -156,7 +162,7 @@ def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
             continue
         shown[diagnostic.code] += 1
         if shown[diagnostic.code] <= _SHOWN_PER_CODE:
-            echo(str(*hinted([diagnostic])), err=True)
+            echo(str(*(hinted([diagnostic]) if hints else [diagnostic])), err=True)
     for code, count in shown.items():
         if count > _SHOWN_PER_CODE:
             echo(f"... and {count - _SHOWN_PER_CODE} more [{code}]", err=True)

@@ -14,7 +14,7 @@ from hrclog.cli.tag_option import import_tag_option
 from hrclog.errors import HrclogError, ImportDataError
 from hrclog.recorders.importers.importer import Imported, Importer, Option, Remark
 from hrclog.recorders.importers.importers import IMPORTERS
-from hrclog.wording import counted
+from hrclog.wording import agree, counted, share
 
 _DRY_RUN: Final = Option("dry_run", "Say what would be imported, and write no log.", bool, False)
 
@@ -71,9 +71,13 @@ def _option(option: Option) -> click.Option:
     )
 
 
-def _answer(imported: Imported, folder: Path | None) -> list[str]:
+def _answer(imported: Imported, folder: Path | None, n_sources: int) -> list[str]:
     """Return the lines that say what was imported; without a folder, what would be."""
     counts = f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}"
+    n_failed = len({finding.path for finding in imported.diagnostics if finding.code == "unreadable_file"})
+    if n_failed and n_sources > 1:
+        failed = share(min(n_failed, n_sources), n_sources, "file")
+        counts = f"{failed} could not be read, and {agree(n_failed, 'its', 'their')} runs are missing: {counts}"
     reading = imported.reading
     logs = (
         "no log written: -o FOLDER writes them"
@@ -117,10 +121,10 @@ def _callback(importer: Importer) -> Any:
         if as_json:
             print_json(_values(imported, remark))
         else:
-            for line in _answer(imported, output):
+            for line in _answer(imported, output, len(sources)):
                 echo(line)
             _show(remark)
-        return tell(imported.diagnostics)
+        return tell(imported.diagnostics, hints=False)
 
     return run
 

@@ -67,6 +67,7 @@ class Read:
         skips: rows that were left out.
         diagnostics: what else is remarkable.
         notes: how times were read, for people.
+        date_orders: dmy or mdy, as dates showed.
     """
 
     executions: pl.DataFrame
@@ -76,6 +77,7 @@ class Read:
     skips: list[Skip]
     diagnostics: list[Diagnostic] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    date_orders: frozenset[str] = frozenset()
 
 
 def read_rows(path: Path, bound: Bound) -> Read:
@@ -107,6 +109,7 @@ class _Rows:
         self._diagnostics: list[Diagnostic] = []
         self._notes: list[str] = []
         self._problems: list[pl.Series] = []
+        self._date_orders: set[str] = set()
 
     def read(self) -> Read:
         mapping = self._mapping
@@ -134,6 +137,7 @@ class _Rows:
             [*self._bound.cells.skips, *skips],
             self._diagnostics,
             self._notes,
+            frozenset(self._date_orders),
         )
 
     def _interval(self) -> tuple[Times | None, Times | None]:
@@ -170,6 +174,7 @@ class _Rows:
         if values is None or source is None:
             return None
         times = read_times(values.rename(source.column or what), self._settings())
+        self._date_orders |= {times.date_order} - {""}
         if needed:
             self._problem(
                 pl.select(

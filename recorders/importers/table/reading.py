@@ -15,7 +15,7 @@ from hrclog.recorders.importers.table.columns import bind
 from hrclog.recorders.importers.table.executions import read_rows
 from hrclog.recorders.importers.table.files import open_file, table_in
 from hrclog.recorders.importers.table.first_row import first_row_text
-from hrclog.recorders.importers.table.instants import check_zone
+from hrclog.recorders.importers.table.instants import AmbiguousDatesError, check_zone
 from hrclog.recorders.importers.table.mapping import (
     TableMapping,
     check_mapping,
@@ -125,24 +125,53 @@ def _normal(options: Mapping[str, Any]) -> dict[str, Any]:
 def _read_files(
     sources: list[Path], given: TableMapping, options: Mapping[str, Any]
 ) -> tuple[list[TableFile], list[Diagnostic], TableMapping]:
-    """Return what the files hold; one that cannot be read hides no other."""
-    files: list[TableFile] = []
-    failures: list[ImportDataError] = []
-    first: TableMapping | None = None
-    for path in dict.fromkeys(sources):
-        try:
-            proposed = propose_for(path, given, options)
-            bound = bind(proposed.table, proposed.mapping)
-            read = read_rows(path, bound)
-            notes = [*([f"{path.name}: {proposed.table.note}"] if proposed.table.note else []), *read.notes]
-            files.append(TableFile(path, bound.mapping, replace(read, notes=notes)))
-            first = first or proposed.mapping
-        except ImportDataError as error:
-            failures.append(error)
-    if not files or first is None:
+    """Return what the files hold, in their order; one that cannot be read hides no other.
+
+    Dates in which day and month cannot be told apart are read as those of the other files show.
+    """
+    paths = list(dict.fromkeys(sources))
+    results = {path: _read_file(path, given, options) for path in paths}
+    orders = {
+        order for result in results.values() if isinstance(result, _Read) for order in result.file.read.date_orders
+    }
+    if len(orders) == 1 and not given.date_order:
+        (order,) = orders
+        for path, result in results.items():
+            if _lacks_date_order(result):
+                results[path] = _read_file(path, replace(given, date_order=order), options)
+    readings = [result for result in results.values() if isinstance(result, _Read)]
+    failures = [result for result in results.values() if isinstance(result, ImportDataError)]
+    if not readings:
         raise failures[0]
     diagnostics = [Diagnostic("unreadable_file", error.reason, str(error.path)) for error in failures]
-    return files, diagnostics, first
+    return [reading.file for reading in readings], diagnostics, readings[0].mapping
+
+
+def _lacks_date_order(result: _Read | ImportDataError) -> bool:
+    cause: BaseException | None = result if isinstance(result, ImportDataError) else None
+    while cause is not None and not isinstance(cause, AmbiguousDatesError):
+        cause = cause.__cause__
+    return cause is not None
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """A file that was read, and what its columns mean."""
+
+    file: TableFile
+    mapping: TableMapping
+
+
+def _read_file(path: Path, given: TableMapping, options: Mapping[str, Any]) -> _Read | ImportDataError:
+    """Return what a file holds, or why it cannot be read."""
+    try:
+        proposed = propose_for(path, given, options)
+        bound = bind(proposed.table, proposed.mapping)
+        read = read_rows(path, bound)
+    except ImportDataError as error:
+        return error
+    notes = [*([f"{path.name}: {proposed.table.note}"] if proposed.table.note else []), *read.notes]
+    return _Read(TableFile(path, bound.mapping, replace(read, notes=notes)), proposed.mapping)
 
 
 def propose_for(path: Path, given: TableMapping, options: Mapping[str, Any]) -> Proposed:
