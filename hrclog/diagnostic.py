@@ -109,6 +109,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "types have no definition in the recording; they were read by the standard ones",
     ),
     "exclusion_unmatched": ("warning", "an annotation excludes an execution or a span of which there is nothing"),
+    "goals_unread": (
+        "warning",
+        "goals of an action are recorded without the definition of their type: all are called alike",
+    ),
     "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),

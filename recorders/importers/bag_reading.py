@@ -101,7 +101,7 @@ class _Reader:
         engine = Engine(self._mapping)
         damage: list[Diagnostic] = []
         try:
-            content = read_recording(recording, engine.wants, damage)
+            content = read_recording(recording, engine.wants, damage, engine.definition)
         except LogReadError as error:
             self._failures.append(error)
             return
