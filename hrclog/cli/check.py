@@ -27,8 +27,8 @@ def command(
     Example:
       hrclog check --strict runs/*.mcap
     """
-    from hrclog.analyzers.projections.diagnostics import lint
     from hrclog.analyzers.projections.intervals import rebuild
+    from hrclog.analyzers.projections.lints.lints import lint
     from hrclog.analyzers.projections.overlaps import overlaps
     from hrclog.analyzers.projections.runs import runs
     from hrclog.log.reader import read_logs
