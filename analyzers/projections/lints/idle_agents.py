@@ -10,6 +10,7 @@ import polars as pl
 from hrclog.analyzers.projections.lints.record import Record
 from hrclog.analyzers.projections.lints.run_start import RunStart
 from hrclog.analyzers.projections.lints.similar_names import visible
+from hrclog.analyzers.projections.lints.told import listed
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import SafetyStateChanged
 from hrclog.wording import counted
@@ -34,12 +35,13 @@ def idle_agents(record: Record) -> Iterator[Diagnostic]:
         .sort("path", *_KEY)
     )
     at_work = set(working["agent"])
+    agents_of = dict(working.sort(_KEY).group_by("run_id").agg("agent").iter_rows()) if rows.height else {}
     for run, agent, count, path, seq in rows.iter_rows():
         start = record.starts.get(run)
         if start and _has_nothing_to_do(start, agent) and (agent in at_work or agent in start.agents):
             continue
-        busy = sorted(working.filter(pl.col("run_id") == run)["agent"])
-        others = f" (those with executions: {', '.join(map(visible, busy))}); is it one of them?" if busy else ""
+        busy = agents_of.get(run, [])
+        others = f" (those with executions: {listed([*map(visible, busy)])}); is it one of them?" if busy else ""
         text = (
             f"agent {visible(agent)} of run {record.names[run]!r} has {counted(count, 'safety event')} and no execution"
         )

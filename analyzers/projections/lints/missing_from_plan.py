@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator
 from typing import Final
 
 import polars as pl
@@ -28,31 +28,36 @@ def missing_from_plan(record: Record) -> Iterator[Diagnostic]:
     if not planned:
         return
     settled = _settled_items(record.events)
+    by_id = {run for run, start in planned.items() if not settled[run].isdisjoint(item.item_id for item in start.plan)}
+    counts = _executions(record.intervals, planned.keys() - by_id)
     outcomes = dict(record.runs.select("run_id", "outcome").iter_rows())
     for run, start in sorted(planned.items()):
-        ids = settled.get(run, set())
-        if ids.intersection(item.item_id for item in start.plan):
-            missing = [item for item in start.plan if item.item_id not in ids]
+        if run in by_id:
+            missing = [item for item in start.plan if item.item_id and item.item_id not in settled[run]]
         else:
-            missing = _uncounted(start, _executions(record.intervals, run))
+            missing = _uncounted(start, counts[run])
         if missing:
-            yield Diagnostic(
-                "missing_from_plan", _text(record.names[run], start, missing, outcomes[run]), record.paths[run], run
-            )
+            text = _text(record.names[run], start, missing, outcomes[run])
+            yield Diagnostic("missing_from_plan", text, record.paths[run], run)
 
 
 def _settled_items(events: pl.DataFrame) -> dict[str, set[str]]:
     rows = events.filter(pl.col("kind").is_in(_SETTLES) & (pl.col("item_id") != "")).select("run_id", "item_id")
-    settled: dict[str, set[str]] = {}
+    settled: dict[str, set[str]] = defaultdict(set)
     for run, item in rows.unique().iter_rows():
-        settled.setdefault(run, set()).add(item)
+        settled[run].add(item)
     return settled
 
 
-def _executions(intervals: pl.DataFrame, run: str) -> Counter[tuple[str, str]]:
-    """Return how often each agent began each task of a run, further attempts left out."""
-    rows = intervals.filter((pl.col("run_id") == run) & is_counted() & (pl.col("attempt").fill_null(1) <= 1))
-    return Counter(rows.select("agent", "task").iter_rows())
+def _executions(intervals: pl.DataFrame, runs: Collection[str]) -> dict[str, Counter[tuple[str, str]]]:
+    """Return by run how often each agent began each task, further attempts left out."""
+    counts: dict[str, Counter[tuple[str, str]]] = defaultdict(Counter)
+    if runs:
+        is_first = is_counted() & (pl.col("attempt").fill_null(1) <= 1)
+        rows = intervals.filter(is_first & pl.col("run_id").is_in(list(runs)))
+        for run, agent, task, count in rows.group_by("run_id", "agent", "task").len().iter_rows():
+            counts[run][agent, task] = count
+    return counts
 
 
 def _uncounted(start: RunStart, executions: Counter[tuple[str, str]]) -> list[PlannedItem]:

@@ -16,44 +16,46 @@ from hrclog.wording import agree, counted
 _TOLERANCE_NS: Final = 10**8
 """Clocks of agents differ by less from each other when they are well."""
 
-_EDGES: Final = (RunStarted.kind, RunEnded.kind)
+_TIME: Final = pl.col("time_ns")
 
 
 def outside_run(record: Record) -> Iterator[Diagnostic]:
     """Find runs with events before their first `run_started`, or after a `run_ended` that nothing resumed."""
-    time, kind = pl.col("time_ns"), pl.col("kind")
+    kind = pl.col("kind")
     spans = record.happened.group_by("run_id").agg(
-        time.min().alias("first"),
-        time.max().alias("last"),
-        time.filter(kind == RunStarted.kind).min().alias("started"),
-        time.filter(kind == RunStarted.kind).max().alias("resumed"),
-        time.filter(kind == RunEnded.kind).max().alias("ended"),
+        _TIME.min().alias("first"),
+        _TIME.max().alias("last"),
+        _TIME.filter(kind == RunStarted.kind).min().alias("started"),
+        _TIME.filter(kind == RunStarted.kind).max().alias("resumed"),
+        _TIME.filter(kind == RunEnded.kind).max().alias("ended"),
     )
     early = spans.filter(pl.col("first") < pl.col("started") - _TOLERANCE_NS)
     is_over = pl.col("resumed").is_null() | (pl.col("resumed") <= pl.col("ended"))
     late = spans.filter(is_over & (pl.col("last") > pl.col("ended") + _TOLERANCE_NS))
-    for run, started in early.sort("run_id").select("run_id", "started").iter_rows():
-        yield _diagnostic(record, "before_run_start", run, (time < started) & ~kind.is_in(_EDGES), started)
-    for run, ended in late.sort("run_id").select("run_id", "ended").iter_rows():
-        yield _diagnostic(record, "after_run_end", run, (time > ended) & ~kind.is_in(_EDGES), ended)
+    yield from _diagnostics(record, "before_run_start", early, _TIME < pl.col("started"))
+    yield from _diagnostics(record, "after_run_end", late, _TIME > pl.col("ended"))
 
 
-def _diagnostic(record: Record, code: str, run: str, is_outside: pl.Expr, edge_ns: int) -> Diagnostic:
-    rows = record.happened.filter((pl.col("run_id") == run) & is_outside).sort("time_ns", "seq")
-    side, edge = ("before", RunStarted.kind) if code == "before_run_start" else ("after", RunEnded.kind)
-    farthest = max(abs(time - edge_ns) for time in rows["time_ns"])
-    executions = rows.filter(pl.col("execution_id") != "").unique("execution_id", keep="first", maintain_order=True)
-    named = executions if executions.height else rows.head(1)
-    texts = [_event(row, edge_ns, side) for row in named.iter_rows(named=True)]
-    text = (
-        f"{counted(rows.height, 'event')} of run {record.names[run]!r} {agree(rows.height, 'is', 'are')} {side} "
-        f"its {edge}, by up to {length(farthest / 1e9)}: {listed(texts)}"
-    )
-    return Diagnostic(code, text, rows["path"][0], run, rows["seq"][0])
+def _diagnostics(record: Record, code: str, spans: pl.DataFrame, is_outside: pl.Expr) -> Iterator[Diagnostic]:
+    if spans.is_empty():
+        return
+    side, edge = ("before", "started") if code == "before_run_start" else ("after", "ended")
+    rows = record.happened.join(spans, on="run_id").filter(is_outside).sort("run_id", "time_ns", "seq")
+    for part in rows.partition_by("run_id", maintain_order=True):
+        by = (part["time_ns"] - part[edge]).abs()
+        executions = part.filter(pl.col("execution_id") != "").unique("execution_id", keep="first", maintain_order=True)
+        named = executions if executions.height else part.head(1)
+        texts = [_event(row, abs(row["time_ns"] - row[edge]), side) for row in named.iter_rows(named=True)]
+        run, n = part["run_id"][0], part.height
+        text = (
+            f"{counted(n, 'event')} of run {record.names[run]!r} {agree(n, 'is', 'are')} {side} its run_{edge}, by up to "
+            f"{length(max(by) / 1e9)}: {listed(texts)}"
+        )
+        yield Diagnostic(code, text, part["path"][0], run, part["seq"][0])
 
 
-def _event(row: dict[str, Any], edge_ns: int, side: str) -> str:
-    by = length(abs(row["time_ns"] - edge_ns) / 1e9)
+def _event(row: dict[str, Any], by_ns: int, side: str) -> str:
+    by = length(by_ns / 1e9)
     if row["execution_id"]:
         return f"{row['kind']} of {row['agent']!r}, {row['task']!r} (execution {row['execution_id']}) {by} {side}"
     return f"{row['kind']}{' of ' + repr(row['agent']) if row['agent'] else ''} {by} {side}"

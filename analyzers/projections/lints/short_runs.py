@@ -111,7 +111,8 @@ def _counts(intervals: pl.DataFrame) -> dict[str, Counter[AgentTask]]:
 def _short(runs: Sequence[_Run]) -> dict[str, str]:
     """Return by run how it is shorter than the others, of those that are."""
     total = _Level(run.counts.total() for run in runs)
-    tasks = sorted({task for run in runs for task in run.counts})
+    n_runs_of = Counter(task for run in runs for task in run.counts)
+    tasks = sorted(task for task, n in n_runs_of.items() if 2 * n >= len(runs))  # of others the median is 0
     of_task = {task: _Level(run.counts[task] for run in runs) for task in tasks}
     short: dict[str, str] = {}
     for run in runs:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 
 import polars as pl
@@ -19,18 +19,23 @@ def undeclared_agents(record: Record) -> Iterator[Diagnostic]:
     """Find agents with executions in a run whose start names agents, and not them."""
     declared = {run: start.agents for run, start in record.starts.items() if start.agents}
     facts = record.events.filter(pl.col("kind").is_in(TASK_KINDS) & (pl.col("agent") != ""))
-    for run, agent in facts.select("run_id", "agent").unique().sort("run_id", "agent").iter_rows():
-        if agent in declared.get(run, (agent,)):
-            continue
-        rows = facts.filter((pl.col("run_id") == run) & (pl.col("agent") == agent)).sort("time_ns", "seq")
-        executions = rows.unique("execution_id", keep="first", maintain_order=True)
-        named = [
-            f"{task!r} (execution {execution})"
-            for task, execution in executions.select("task", "execution_id").iter_rows()
-        ]
-        close = [f"; is it {visible(name)}?" for name in get_close_matches(agent, declared[run], 1)]
-        text = (
-            f"agent {visible(agent)} has {counted(executions.height, 'execution')} in run {record.names[run]!r}, which "
-            f"names {', '.join(map(visible, declared[run]))} only: {listed(named)}{''.join(close)}"
-        )
-        yield Diagnostic("undeclared_agent", text, rows["path"][0], run, rows["seq"][0])
+    pairs = facts.select("run_id", "agent").unique()
+    strange = [(run, agent) for run, agent in pairs.iter_rows() if agent not in declared.get(run, (agent,))]
+    if not strange:
+        return
+    keys = pl.DataFrame(strange, schema=["run_id", "agent"], orient="row")
+    of_strange = facts.join(keys, on=["run_id", "agent"]).sort("run_id", "agent", "time_ns", "seq")
+    for rows in of_strange.partition_by("run_id", "agent", maintain_order=True):
+        yield _diagnostic(record, rows, declared[rows["run_id"][0]])
+
+
+def _diagnostic(record: Record, rows: pl.DataFrame, declared: Sequence[str]) -> Diagnostic:
+    run, agent = rows["run_id"][0], rows["agent"][0]
+    executions = rows.unique("execution_id", keep="first", maintain_order=True).select("task", "execution_id")
+    named = [f"{task!r} (execution {execution})" for task, execution in executions.iter_rows()]
+    close = "".join(f"; is it {visible(name)}?" for name in get_close_matches(agent, declared, 1))
+    text = (
+        f"agent {visible(agent)} has {counted(executions.height, 'execution')} in run {record.names[run]!r}, which names "
+        f"{', '.join(map(visible, declared))} only: {listed(named)}{close}"
+    )
+    return Diagnostic("undeclared_agent", text, rows["path"][0], run, rows["seq"][0])
