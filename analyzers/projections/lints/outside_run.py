@@ -32,8 +32,8 @@ def outside_run(record: Record) -> Iterator[Diagnostic]:
     early = spans.filter(pl.col("first") < pl.col("started") - _TOLERANCE_NS)
     is_over = pl.col("resumed").is_null() | (pl.col("resumed") <= pl.col("ended"))
     late = spans.filter(is_over & (pl.col("last") > pl.col("ended") + _TOLERANCE_NS))
-    yield from _diagnostics(record, "before_run_start", early, _TIME < pl.col("started"))
-    yield from _diagnostics(record, "after_run_end", late, _TIME > pl.col("ended"))
+    yield from _diagnostics(record, "before_run_start", early, pl.col("started") > _TIME)
+    yield from _diagnostics(record, "after_run_end", late, pl.col("ended") < _TIME)
 
 
 def _diagnostics(record: Record, code: str, spans: pl.DataFrame, is_outside: pl.Expr) -> Iterator[Diagnostic]:
@@ -48,8 +48,8 @@ def _diagnostics(record: Record, code: str, spans: pl.DataFrame, is_outside: pl.
         texts = [_event(row, abs(row["time_ns"] - row[edge]), side) for row in named.iter_rows(named=True)]
         run, n = part["run_id"][0], part.height
         text = (
-            f"{counted(n, 'event')} of run {record.names[run]!r} {agree(n, 'is', 'are')} {side} its run_{edge}, by up to "
-            f"{length(max(by) / 1e9)}: {listed(texts)}"
+            f"{counted(n, 'event')} of run {record.names[run]!r} {agree(n, 'is', 'are')} {side} its run_{edge}, by "
+            f"up to {length(max(by) / 1e9)}: {listed(texts)}"
         )
         yield Diagnostic(code, text, part["path"][0], run, part["seq"][0])
 

@@ -35,7 +35,7 @@ def _diagnostic(record: Record, rows: pl.DataFrame, declared: Sequence[str]) -> 
     named = [f"{task!r} (execution {execution})" for task, execution in executions.iter_rows()]
     close = "".join(f"; is it {visible(name)}?" for name in get_close_matches(agent, declared, 1))
     text = (
-        f"agent {visible(agent)} has {counted(executions.height, 'execution')} in run {record.names[run]!r}, which names "
-        f"{', '.join(map(visible, declared))} only: {listed(named)}{close}"
+        f"agent {visible(agent)} has {counted(executions.height, 'execution')} in run {record.names[run]!r}, which "
+        f"names {', '.join(map(visible, declared))} only: {listed(named)}{close}"
     )
     return Diagnostic("undeclared_agent", text, rows["path"][0], run, rows["seq"][0])
