@@ -138,6 +138,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     ),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
     "identical_durations": ("info", "nearly all durations of a task are equal: filled in, or simulated"),
+    "few_outcomes": ("info", "there are fewer than ten executions, and all have one outcome"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
     "run_not_ended": ("info", "the run has no run_ended event"),

@@ -272,6 +272,10 @@ EXPLANATIONS: Final[dict[str, Explanation]] = {
             "A column was filled in, an agent is scripted or simulated, or times are too coarse.",
             "Ask where the durations come from: they have no spread to learn.",
         ),
+        "few_outcomes": (
+            "Chance, in so few executions, or the same as for single_outcome.",
+            "Record more runs before you trust a success rate.",
+        ),
         "unlisted_pairs": (
             "Tasks carry serial numbers, so that each is done once.",
             "Give equal work an equal task name, and tell items apart by item_id.",

@@ -15,6 +15,9 @@ from hrclog.events import Outcome
 _FEWEST: Final = 3
 """Outcomes that can be called all the same."""
 
+_ENOUGH: Final = 10
+"""With fewer, chance alone is a likely reason: a tenth that fails is absent from 9 in two cases of five."""
+
 _WHY: Final = {Outcome.SUCCEEDED.value: "failures may have been removed before we saw them"}
 _ACTIVE: Final = (Outcome.SUCCEEDED.value, Outcome.FAILED.value, Outcome.TIMED_OUT.value)
 _OTHERWISE: Final = "was the column filled in, or is one outcome taken for another?"
@@ -34,7 +37,7 @@ def single_outcome(record: Record) -> Iterator[Diagnostic]:
         [outcome] = told
         verb = outcome.replace("_", " ") if outcome in _ACTIVE else f"were {outcome.replace('_', ' ')}"
         text = f"all {count} executions {verb}: {_WHY.get(outcome, _OTHERWISE)}"
-        yield Diagnostic("single_outcome", text, *record.only_run)
+        yield Diagnostic("single_outcome" if count >= _ENOUGH else "few_outcomes", text, *record.only_run)
 
 
 def _is_simulated(record: Record, run: str) -> bool:

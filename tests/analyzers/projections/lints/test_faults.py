@@ -287,7 +287,7 @@ def outcomes_filled_in(runs: Runs, random: Random) -> tuple[str, set[str]]:
     return "", {"all 120 executions", outcome.replace("_", " ")}
 
 
-@fault("single_outcome")
+@fault("few_outcomes")
 def a_handful_all_succeeded(runs: Runs, random: Random) -> tuple[str, set[str]]:
     n, name = random.randint(3, 9), random.choice(list(runs))
     rows = without_executions(runs[name], executions_of(runs[name])[n:])

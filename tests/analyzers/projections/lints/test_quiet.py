@@ -25,7 +25,7 @@ SAMPLES = Path(hrclog.sample_logs.__file__).parent
 TRUE_OF_SAMPLES = {
     "broken_off.mcap": {"open_execution", "missing_from_plan", "run_not_ended"},
     "imported.mcap": {"single_outcome"},
-    "killed.mcap.partial": {"open_execution", "single_outcome", "run_not_ended"},
+    "killed.mcap.partial": {"open_execution", "few_outcomes", "run_not_ended"},
 }
 
 
