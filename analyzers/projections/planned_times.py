@@ -6,10 +6,10 @@ from typing import Final
 
 import polars as pl
 
+from hrclog.analyzers.projections.lints.told import listed
 from hrclog.diagnostic import Diagnostic
 from hrclog.wording import counted
 
-_MOST_LISTED: Final = 3
 _PLANNED: Final = ("planned_start_ns", "planned_end_ns")
 
 
@@ -37,12 +37,9 @@ def without_turned_plans(executions: pl.DataFrame) -> tuple[pl.DataFrame, list[D
 def _text(rows: pl.DataFrame) -> str:
     named = [
         f"{agent!r}, {task!r} (execution {execution}) by {by_s:.3f} s"
-        for agent, task, execution, by_s in rows.head(_MOST_LISTED)
-        .select("agent", "task", "execution_id", "by_s")
-        .iter_rows()
+        for agent, task, execution, by_s in rows.select("agent", "task", "execution_id", "by_s").iter_rows()
     ]
-    more = f" and {rows.height - _MOST_LISTED:,} more" if rows.height > _MOST_LISTED else ""
     return (
         f"{counted(rows.height, 'execution is', 'executions are')} planned to end before the planned start, "
-        f"{', '.join(named)}{more}: planned start and end count as unset"
+        f"{listed(named)}: planned start and end count as unset"
     )

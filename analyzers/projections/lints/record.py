@@ -35,7 +35,7 @@ class Record:
 
     @cached_property
     def starts(self) -> Mapping[str, RunStart]:
-        """Return by run what its start tells of it; runs without a `run_started` have no entry."""
+        """Return by run what it declares of itself; runs without a `run_started` or a plan have no entry."""
         return run_starts(self.events)
 
     @cached_property

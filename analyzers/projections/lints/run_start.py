@@ -43,7 +43,7 @@ _KINDS: Final = (RunStarted.kind, PlanChanged.kind)
 
 
 def run_starts(events: pl.DataFrame) -> dict[str, RunStart]:
-    """Return by run what its first `run_started` tells, with the plan of its last `plan_changed` that holds items.
+    """Return by run what its start tells: the plan that it followed last, and the agents of all its segments.
 
     Args:
         events: an events frame.
@@ -51,11 +51,14 @@ def run_starts(events: pl.DataFrame) -> dict[str, RunStart]:
     told = events.filter(pl.col("kind").is_in(_KINDS)).sort("run_id", "seq", maintain_order=True)
     starts: dict[str, RunStart] = {}
     for run, kind, details in told.select("run_id", "kind", "details").iter_rows():
-        if kind == RunStarted.kind and run not in starts:
-            starts[run] = _start(_parsed(details))
-        elif kind == PlanChanged.kind and run in starts:
-            changed = _items(_parsed(details).get("plan"))
-            starts[run] = replace(starts[run], plan=changed or starts[run].plan)
+        facts = _parsed(details)
+        if run not in starts:
+            starts[run] = _start(facts)
+            continue
+        known = starts[run]
+        agents = _agents(facts) if kind == RunStarted.kind else ()
+        together = tuple(dict.fromkeys((*known.agents, *agents))) if known.agents else ()
+        starts[run] = replace(known, agents=together, plan=_items(facts.get("plan")) or known.plan)
     return starts
 
 
@@ -67,13 +70,18 @@ def _parsed(details: str) -> Mapping[str, Any]:
 
 
 def _start(facts: Mapping[str, Any]) -> RunStart:
-    agents, software, plan = facts.get("agents"), facts.get("software"), facts.get("plan")
+    software, plan = facts.get("software"), facts.get("plan")
     return RunStart(
-        agents=tuple(filter(None, map(_text, agents))) if isinstance(agents, list) else (),
+        agents=_agents(facts),
         plan=_items(plan),
         plan_name=_text(plan.get("name") if isinstance(plan, dict) else plan),
         is_simulated=isinstance(software, dict) and bool(_text(software.get("engine"))),
     )
+
+
+def _agents(facts: Mapping[str, Any]) -> tuple[str, ...]:
+    agents = facts.get("agents")
+    return tuple(filter(None, map(_text, agents))) if isinstance(agents, list) else ()
 
 
 def _items(plan: object) -> tuple[PlannedItem, ...]:

@@ -78,15 +78,15 @@ def _siblings(record: Record) -> Iterator[list[_Run]]:
     """Yield the runs of a plan's name or whose names differ in digits only; of the others, those of a set of agents."""
     counts = _counts(record.intervals)
     tags = tag_names(record.runs)
-    by_name: dict[tuple[object, ...], list[_Run]] = defaultdict(list)
+    by_name: dict[tuple[str, str], list[_Run]] = defaultdict(list)
     agents: dict[str, tuple[object, ...]] = {}
     for row in record.runs.iter_rows(named=True):
         start = record.starts.get(row["run_id"])
         if start and start.plan:
             continue
         run = _Run(row["run_id"], counts.get(row["run_id"], Counter()), {key: row[key] for key in tags if row[key]})
-        pattern = _DIGITS.sub("#", row["name"])
-        by_name[start.plan_name if start else "", pattern].append(run)
+        plan = start.plan_name if start else ""
+        by_name[plan, "" if plan else _DIGITS.sub("#", row["name"])].append(run)
         agents[run.run_id] = tuple(row["agents"] or ())
     by_agents: dict[tuple[object, ...], list[_Run]] = defaultdict(list)
     for runs in by_name.values():
@@ -118,7 +118,9 @@ def _short(runs: Sequence[_Run]) -> dict[str, str]:
     for run in runs:
         count = run.counts.total()
         usual = total.usual(count)
-        is_short = usual is not None and count < _SHORT * usual
+        if usual is None:
+            continue
+        is_short = count < _SHORT * usual
         lacking = {
             task: usual_of_task
             for task in tasks
@@ -126,8 +128,8 @@ def _short(runs: Sequence[_Run]) -> dict[str, str]:
             and _lacks(run.counts[task], usual_of_task, is_short=is_short)
         }
         if is_short or lacking:
-            of_all = f"{usual:g} (median)" if usual is not None else "others"
-            short[run.run_id] = _text(run, count, f"{counted(len(runs) - 1, 'run')} like it {of_all}", lacking)
+            siblings = f"{counted(len(runs) - 1, 'run')} like it {usual:g} (median)"
+            short[run.run_id] = _text(run, count, siblings, lacking)
     return short
 
 

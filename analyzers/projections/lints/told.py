@@ -23,7 +23,7 @@ def length(seconds: float) -> str:
     if 1e-3 <= abs(seconds) < 3600:
         return f"{seconds:.3f} s"
     size, unit = next(((size, unit) for size, unit in _UNITS if abs(seconds) >= size), (1e-9, "ns"))
-    return f"{seconds:.9g} s ({seconds / size:.3g} {unit})"
+    return f"{seconds:.15g} s ({seconds / size:.3g} {unit})"
 
 
 def listed(texts: Sequence[str]) -> str:
