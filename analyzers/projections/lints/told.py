@@ -26,7 +26,7 @@ def length(seconds: float) -> str:
     return f"{seconds:.15g} s ({seconds / size:.3g} {unit})"
 
 
-def listed(texts: Sequence[str]) -> str:
+def listed(texts: Sequence[str], most: int = _MOST_LISTED) -> str:
     """Return the first of some texts, and how many more there are."""
-    shown = ", ".join(texts[:_MOST_LISTED])
-    return f"{shown} and {len(texts) - _MOST_LISTED:,} more" if len(texts) > _MOST_LISTED else shown
+    shown = ", ".join(texts[:most])
+    return f"{shown} and {len(texts) - most:,} more" if len(texts) > most else shown

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
+from typing import Final
 
 import polars as pl
 
@@ -13,6 +14,9 @@ from hrclog.analyzers.projections.lints.told import listed
 from hrclog.diagnostic import Diagnostic
 from hrclog.events import TASK_KINDS
 from hrclog.wording import counted
+
+_MOST_NAMED: Final = 8
+_MOST_COMPARED: Final = 50  # comparing takes its time, and a cell has a few agents
 
 
 def undeclared_agents(record: Record) -> Iterator[Diagnostic]:
@@ -33,9 +37,9 @@ def _diagnostic(record: Record, rows: pl.DataFrame, declared: Sequence[str]) -> 
     run, agent = rows["run_id"][0], rows["agent"][0]
     executions = rows.unique("execution_id", keep="first", maintain_order=True).select("task", "execution_id")
     named = [f"{task!r} (execution {execution})" for task, execution in executions.iter_rows()]
-    close = "".join(f"; is it {visible(name)}?" for name in get_close_matches(agent, declared, 1))
+    close = "".join(f"; is it {visible(name)}?" for name in get_close_matches(agent, declared[:_MOST_COMPARED], 1))
     text = (
         f"agent {visible(agent)} has {counted(executions.height, 'execution')} in run {record.names[run]!r}, which "
-        f"names {', '.join(map(visible, declared))} only: {listed(named)}{close}"
+        f"names {listed([*map(visible, declared)], _MOST_NAMED)} only: {listed(named)}{close}"
     )
     return Diagnostic("undeclared_agent", text, rows["path"][0], run, rows["seq"][0])
