@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from hrclog.analyzers.projections.diagnostics import impossible_factors, lint
 from hrclog.analyzers.projections.durations import durations
 from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.analyzers.projections.lints.impossible_factors import impossible_factors
+from hrclog.analyzers.projections.lints.lints import lint
 from hrclog.analyzers.projections.metrics import metrics
 from hrclog.analyzers.projections.overlaps import overlaps, pair_overlaps
 from hrclog.analyzers.projections.runs import runs

@@ -73,7 +73,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     ),
     "outcome_assumed": ("warning", "no end of a run tells an outcome: its ended executions are counted as completed"),
     "no_run_start": ("warning", "times count from the start of a run, and nothing tells when that was: it is 1970"),
-    "single_outcome": ("warning", "every execution succeeded: failures may have been removed (survivorship)"),
+    "single_outcome": (
+        "warning",
+        "all executions have one outcome: if they succeeded, failures may have been removed (survivorship)",
+    ),
     "no_run_id": (
         "warning",
         "events name no run; they are taken as one run of their file, or of files that go on from it",
@@ -114,6 +117,26 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "goals of an action are recorded without the definition of their type: all are called alike",
     ),
     "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
+    "missing_from_plan": ("warning", "items of a run's plan have no execution in it"),
+    "short_run": ("warning", "a run has far fewer executions, in all or of a task, than other runs like it"),
+    "before_run_start": ("warning", "events of a run are before its run_started"),
+    "after_run_end": ("warning", "events of a run are after its run_ended"),
+    "undeclared_agent": (
+        "warning",
+        "an agent has executions in a run whose run_started names agents, and not this one",
+    ),
+    "idle_agent": (
+        "warning",
+        "an agent has safety events in a run and no execution: is it another under another name?",
+    ),
+    "never_resumed": ("warning", "an execution was paused and did not resume before it ended, or the log did"),
+    "planned_backwards": ("warning", "a planned end is before its planned start; both count as unset"),
+    "long_execution": ("warning", "an execution took far longer than its task's median: was its end forgotten?"),
+    "shared_execution_id": ("warning", "the same execution id is in several runs: was one copied into another?"),
+    "wrong_unit": (
+        "warning",
+        "an agent's durations in a run are not of the size of work, of its plan, or of other runs: a wrong unit?",
+    ),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
     "assumed_definition": ("info", "our message type has no definition beside it; it was read by that of this version"),
@@ -127,6 +150,8 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "info",
         "annotations exclude runs or executions, which do not count, or say that nothing is learnt from them",
     ),
+    "identical_durations": ("info", "nearly all durations of a task are equal: filled in, or simulated"),
+    "few_outcomes": ("info", "there are fewer than ten executions, and all have one outcome"),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
     "run_not_ended": ("info", "the run has no run_ended event"),

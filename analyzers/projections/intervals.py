@@ -12,6 +12,7 @@ import polars as pl
 
 from hrclog.analyzers.projections.clock_step import step_diagnostics, task_fact, turned_back, without_turned_ends
 from hrclog.analyzers.projections.frames import EVENTS_FRAME, check_frame
+from hrclog.analyzers.projections.planned_times import without_turned_plans
 from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
@@ -84,7 +85,8 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     )
     rows = pl.concat([paired, folded, without_turned_ends(folded_by_seq)]).join(last, on="run_id", how="left")
     rows, untold = _with_untold_outcomes(_add_until(rows), ordered)
-    diagnostics = [*_invalid_details(ordered), *diagnostics, *untold]
+    rows, turned = without_turned_plans(rows)
+    diagnostics = [*_invalid_details(ordered), *diagnostics, *untold, *turned]
     rows = _with_not_learnt(rows, events)
     return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), diagnostics
 

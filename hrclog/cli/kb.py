@@ -303,7 +303,7 @@ def _ingested_text(ingested: Ingested) -> str:
 
 def _doubts(kb: KnowledgeBase) -> list[Diagnostic]:
     """Return what is doubtful about the statistics that plans will be judged by."""
-    from hrclog.analyzers.projections.diagnostics import impossible_factors
+    from hrclog.analyzers.projections.lints.impossible_factors import impossible_factors
 
     with kb.view() as view:
         return impossible_factors(view.synergies())

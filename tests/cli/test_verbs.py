@@ -82,9 +82,9 @@ def test_check_sees_a_damaged_chunk_of_signals(run: Run, tmp_path: Path) -> None
 
 
 def test_check_strict_fails_on_warnings_only_when_asked(run: Run, samples: Path) -> None:
-    assert run("check", samples / "campaign").code == 0
-    assert run("check", samples / "campaign", "--strict").code == 1
-    assert run("check", samples / "single.mcap", "--strict").code == 0
+    assert run("check", samples / "broken_off.mcap").code == 0
+    assert run("check", samples / "broken_off.mcap", "--strict").code == 1
+    assert run("check", samples / "campaign", samples / "single.mcap", "--strict").code == 0
     assert run("check", samples / "killed.mcap.partial").code == 3
 
 

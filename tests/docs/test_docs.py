@@ -22,6 +22,7 @@ from hrclog.analyzers.synergy.estimators import ESTIMATORS, YARDSTICKS
 from hrclog.cli import VERBS
 from hrclog.diagnostic import CODES
 from hrclog.events import COLUMNS, EVENT_CLASSES
+from hrclog.explanations import EXPLANATIONS
 from hrclog.planning.dispatch_mode import MODES
 from hrclog.sim.cell.safety_settings import POLICIES
 
@@ -165,6 +166,7 @@ def test_pages_name_every_diagnostic_and_every_verb() -> None:
     diagnostics = (ROOT / "docs" / "diagnostics.md").read_text()
     for code, (severity, meaning) in CODES.items():
         assert f"| `{code}` | {severity} | {meaning} |" in diagnostics
+        assert f"| `{code}` | {EXPLANATIONS[code].cause} | {EXPLANATIONS[code].remedy} |" in diagnostics
     commands = (ROOT / "docs" / "commands.md").read_text()
     for verb in VERBS:
         assert f"## hrclog {verb}" in commands

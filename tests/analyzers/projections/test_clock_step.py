@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from event_frames import event, frame
 
-from hrclog.analyzers.projections.diagnostics import lint
 from hrclog.analyzers.projections.intervals import rebuild
+from hrclog.analyzers.projections.lints.lints import lint
 from hrclog.analyzers.projections.overlaps import overlaps
 from hrclog.analyzers.projections.runs import runs
 

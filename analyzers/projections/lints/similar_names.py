@@ -8,6 +8,7 @@ from typing import Final
 
 import polars as pl
 
+from hrclog.analyzers.projections.lints.record import Record
 from hrclog.diagnostic import Diagnostic
 from hrclog.wording import counted
 
@@ -18,6 +19,12 @@ _BLANK: Final = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u180b\u180c\u180d\u180
 """Characters without a glyph whose category does not say so."""
 
 _MOST_NAMES: Final = 8
+
+
+def alike_names(record: Record) -> list[Diagnostic]:
+    """Find names that are alike, of tasks and of the agents of all events and those that runs declare."""
+    agents = {*record.events["agent"].unique(), *record.runs["agents"].explode().drop_nulls()} - {""}
+    return similar_names(record.intervals, agents)
 
 
 def similar_names(intervals: pl.DataFrame, agents: Iterable[str] = ()) -> list[Diagnostic]:

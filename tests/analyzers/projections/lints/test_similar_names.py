@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hrclog.analyzers.projections.similar_names import folded, similar_names, visible
+from hrclog.analyzers.projections.lints.similar_names import folded, similar_names, visible
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), min_size=1)
 INVISIBLE = ["\u200b", "\u00ad", "\u2060", "\ufeff", "\u200d", "\u3164", "\ufe0f", "\u034f", "\x07", "\u202e"]
