@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from hrclog.log.clocks.correction import Clocks
 
 
+INCOMPLETE = ("missing_from_plan", "short_run", "run_not_ended")
+"""Codes of runs of which a part is not there."""
+
+
 @click.command(name="check")
 @click.argument("logs", nargs=-1, metavar="LOG...", type=click.Path())
 @click.option("--strict", is_flag=True, help="Exit 1 on warnings too.")
@@ -39,6 +43,8 @@ if TYPE_CHECKING:
     metavar="CODE",
     help="Say what a code means, what causes it and what to do, and read no log.",
 )
+@click.option("--annotate", is_flag=True, help=f"Exclude incomplete runs ({', '.join(INCOMPLETE)}), by annotations.")
+@click.option("--author", default="", metavar="NAME", help="With --annotate: who says so.")
 @clock_option
 @where_option
 @json_option
@@ -49,11 +55,13 @@ def command(
     strict: bool,
     only: tuple[str, ...],
     explain: str | None,
+    annotate: bool,
+    author: str,
     clocks: dict[str, int],
     conditions: tuple[str, ...],
     as_json: bool,
 ) -> int:
-    """Check logs for damage and doubtful data; writes nothing.
+    """Check logs for damage and doubtful data; without --annotate it writes nothing.
 
     Exit code: 0 all is there, 3 data was lost or cannot be used, with --strict 1 on warnings.
 
@@ -73,16 +81,33 @@ def command(
     severities = Counter(finding.severity for finding in findings)
     counts = {severity: severities[severity] for severity in ("error", "warning", "info")}
     n_left_out = len(every) - len(findings)
+    excluded = _exclude_incomplete(findings, author) if annotate else []
     if as_json:
         listed = [finding.as_dict() for finding in hinted(findings)]
-        print_json({"diagnostics": listed, "counts": counts, "left_out": n_left_out})
+        print_json({"diagnostics": listed, "counts": counts, "left_out": n_left_out, "excluded": excluded})
     else:
         n_executions = int(runs["n_executions"].sum())
         held = f"{counted(runs.height, 'run')}, {counted(events.height, 'event')}, {counted(n_executions, 'execution')}"
         problems = f"{counted(counts['error'], 'error')}, {counted(counts['warning'], 'warning')}"
         left_out = f"; {n_left_out:,} of other codes" if only else ""
         echo(f"{held}: {problems}, {counted(counts['info'], 'remark')}{left_out}")
+        if annotate:
+            echo(f"{counted(len(excluded), 'incomplete run')} excluded")
     return EXIT_FAILED if strict and not code and counts["warning"] else code
+
+
+def _exclude_incomplete(findings: Sequence[Diagnostic], author: str) -> list[str]:
+    """Exclude the runs that findings call incomplete, and return their ids."""
+    from hrclog.recorders.annotate import annotate
+
+    incomplete: dict[str, Diagnostic] = {}
+    for finding in findings:
+        if finding.code in INCOMPLETE and finding.run_id:
+            incomplete.setdefault(finding.run_id, finding)
+    for run, finding in incomplete.items():
+        reason = f"{finding.message} ({finding.code})"
+        annotate(finding.path, exclude=["run"], reason=reason, author=author, runs=[run])
+    return sorted(incomplete)
 
 
 def _findings(

@@ -60,3 +60,15 @@ def test_a_note_and_a_reason_are_two_things(run: Run, logs: Path) -> None:
     assert run("annotate", logs).code == 1
     notes = hrclog.read_events(logs).filter(hrclog.read_events(logs)["reason"] == "the light was off")
     assert notes.height == 3
+
+
+def test_check_excludes_incomplete_runs_where_it_is_asked_to(run: Run, logs: Path, samples: Path) -> None:
+    (logs / "broken_off.mcap").write_bytes((samples / "broken_off.mcap").read_bytes())
+    assert "excluded" not in run("check", logs / "broken_off.mcap").out
+    assert not (logs / "broken_off.annotations.mcap").exists()
+    done = run("check", logs / "broken_off.mcap", logs / "paper_0001.mcap", "--annotate", "--author", "Ada")
+    assert "1 incomplete run excluded" in done.out
+    analysis = hrclog.analyze(logs)
+    assert "broken_off" not in analysis.runs["name"].to_list()
+    reasons = [entry.reason for entry in analysis.exclusions if entry.author == "Ada"]
+    assert any(reason.endswith("(missing_from_plan)") for reason in reasons)
