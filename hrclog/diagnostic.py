@@ -11,6 +11,7 @@ Severity = Literal["error", "warning", "info"]
 CODES: Final[dict[str, tuple[Severity, str]]] = {
     # data that was lost or skipped
     "unreadable_file": ("error", "a file could not be read; the other files were"),
+    "limit_reached": ("error", "a file asks for more than its limit; what asks for it, or all behind it, was not read"),
     "missing_part": ("error", "a bag lists a part that is not there"),
     "no_header": ("error", "the file ends before its header, so it holds 0 events"),
     "truncated": ("error", "the file ends inside a record, whose bytes were ignored"),

@@ -75,7 +75,8 @@ def _described(path: Path) -> Description | None:
     from hrclog.log.mcap.describe import describe
 
     try:
-        return describe(load(path).data)
+        file = load(path)
+        return describe(file.data, file.budget)
     except LogReadError:
         return None
 

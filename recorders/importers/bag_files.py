@@ -164,7 +164,7 @@ def _take_part(contents: Contents, wants: Callable[[str, str], bool], content: C
             topic = _topic(channel, schema)
             if not wants(*topic):
                 continue
-            part = without_compression(_select(batch, rows))
+            part = without_compression(_select(batch, rows), contents.budget)
             if channel_id not in decoders:
                 decoders[channel_id] = _decoder(channel, schema, content)
             decode = decoders[channel_id]

@@ -33,6 +33,7 @@ _NO_EVENTS: Final = EVENT_COLUMNS.to_frame()
 _SIGNAL_TYPES: Final = (channels.FLOAT_TYPE, channels.JOINTS_TYPE)
 _SCENE_TYPES: Final = (channels.STRING_TYPE, channels.POSE_TYPE)
 
+_MOST_TOLD: Final = 100  # channels that are told one by one
 _KIND: Final = re.compile(rb"\bkind\b")
 
 _Decode = Callable[[bytes], Any]
@@ -89,6 +90,7 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
     failures = Failures()
     decoders = _event_decoders(contents, failures, complain)
     undeclared: dict[int, tuple[int, int]] = {}
+    budget = contents.budget
     for batch in joined(contents.batches):
         pieces: list[tuple[pl.DataFrame, IntArray]] = []
         for channel_id in np.unique(batch.channel).tolist():
@@ -99,18 +101,26 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
                 count, log_time = undeclared.get(channel_id, (0, int(part.log_time[0])))
                 undeclared[channel_id] = count + len(part.start), log_time
             elif channel_id in decoders:
-                events, rows = decoders[channel_id](without_compression(part))
+                events, rows = decoders[channel_id](without_compression(part, budget))
                 pieces.append((events, np.flatnonzero(is_of_channel)[rows]))
             elif signals:
-                _decode_signals(part, channel, contents.schemas.get(channel.schema_id), decoded, complain)
+                _decode_signals(part, channel, contents, decoded, complain)
         decoded.events += _as_written(pieces)
-    for channel_id, (count, log_time) in undeclared.items():
-        text = f"{counted(count, 'message is', 'messages are')} on channel {channel_id}"
-        complain("corrupt_data", f"{text}, which is not declared; the first has log time {log_time} ns", None)
+    _report_undeclared(undeclared, complain)
     failures.report(complain)
     if not any(frame.height for frame in decoded.events):
         decoded.topics = contents.topics()
     return decoded
+
+
+def _report_undeclared(undeclared: dict[int, tuple[int, int]], complain: Complain) -> None:
+    for channel_id, (count, log_time) in list(undeclared.items())[:_MOST_TOLD]:
+        text = f"{counted(count, 'message is', 'messages are')} on channel {channel_id}"
+        complain("corrupt_data", f"{text}, which is not declared; the first has log time {log_time} ns", None)
+    others = [count for count, _ in undeclared.values()][_MOST_TOLD:]
+    if others:
+        text = counted(sum(others), "message is", "messages are")
+        complain("corrupt_data", f"{text} on {counted(len(others), 'further channel')} not declared", None)
 
 
 def _as_written(pieces: list[tuple[pl.DataFrame, IntArray]]) -> list[pl.DataFrame]:
@@ -121,11 +131,13 @@ def _as_written(pieces: list[tuple[pl.DataFrame, IntArray]]) -> list[pl.DataFram
     return [pl.concat([events for events, _ in pieces])[order]]
 
 
-def _decode_signals(part: Batch, channel: Channel, schema: Schema | None, decoded: Decoded, complain: Complain) -> None:
+def _decode_signals(part: Batch, channel: Channel, contents: Contents, decoded: Decoded, complain: Complain) -> None:
+    schema = contents.schemas.get(channel.schema_id)
     if _is_signal(channel, schema):
-        decoded.signals.append(decode_signals(without_compression(part), channel))
+        decoded.signals.append(decode_signals(without_compression(part, contents.budget), channel))
     elif _is_scene(channel, schema):
-        decoded.scene.take(without_compression(part), channel, lambda text: complain("invalid_scene", text, None))
+        part = without_compression(part, contents.budget)
+        decoded.scene.take(part, channel, lambda text: complain("invalid_scene", text, None))
 
 
 def _type_of(schema: Schema | None) -> str:

@@ -1,0 +1,118 @@
+"""What a file may ask of its reader: one table of limits, and one budget per file that is spent before memory is taken.
+
+A limit grows with the size of the file as it lies on the disk, and has a floor, so that small files can hold what small
+files hold. Files that are written to log something stay far below: they unpack to a sixth of the limit at most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+MIB: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """How much of something a file may hold.
+
+    Attributes:
+        name: of what is counted, in the plural.
+        least: what any file may hold, however small.
+        per_byte: what it may hold more for each byte of it, above that.
+        most: what no file may hold.
+        ends_reading: whether nothing behind the place where it is reached is read.
+    """
+
+    name: str
+    least: int
+    per_byte: float = 0.0
+    most: int = 1 << 62
+    ends_reading: bool = True
+
+    def of(self, n_bytes: int) -> int:
+        """Return how much a file of a size may hold."""
+        return min(self.most, max(self.least, int(self.per_byte * n_bytes)))
+
+
+UNPACKED: Final = Limit("bytes once unpacked", 32 * MIB, 50, ends_reading=False)
+CHUNK: Final = Limit("bytes of one chunk once unpacked", 256 * MIB, ends_reading=False)
+WHOLE_FILE: Final = Limit("bytes once the whole file is unpacked", 32 * MIB, 50, 1 << 31)
+CHECKED: Final = Limit("bytes that are checked for being a chunk, and are none", 64 * MIB, 16)
+RECORDS: Final = Limit("records in chunks", 250_000, 1 / 8)
+FRAME: Final = Limit("records outside of chunks", 100_000, 1 / 32)
+DECLARATIONS: Final = Limit("different declarations and metadata", 20_000, 1 / 512)
+CHANNELS: Final = Limit("channels", 4096)
+EVENT_CHANNELS: Final = Limit("channels of events", 1024)
+DEFINITION: Final = Limit("characters of one definition", 100_000)
+DEFINITIONS: Final = Limit("characters of all definitions of events", 200_000)
+ELEMENTS: Final = Limit("elements that a definition gives every message", 100_000)
+UNROLLED: Final = Limit("texts or messages in arrays of fixed length", 2_000)
+EVENT: Final = Limit("bytes of one event", 8 * MIB)
+ROW: Final = Limit("bytes of one row", MIB, 1)
+STEPS: Final = Limit("steps of the database", 20_000_000, 20)
+
+LIMITS: Final = (
+    UNPACKED,
+    CHUNK,
+    WHOLE_FILE,
+    CHECKED,
+    RECORDS,
+    FRAME,
+    DECLARATIONS,
+    CHANNELS,
+    EVENT_CHANNELS,
+    DEFINITION,
+    DEFINITIONS,
+    ELEMENTS,
+    UNROLLED,
+    EVENT,
+    ROW,
+    STEPS,
+)
+"""All limits of logs and bags, as `docs/reliability.md` lists them."""
+
+
+class LimitError(ValueError):
+    """A file asks for more than its limit; the text says which, and for how much."""
+
+    def __init__(self, limit: Limit, found: int, most: int) -> None:
+        self.limit = limit
+        super().__init__(f"limit reached: {found:,} {limit.name}, expected at most {most:,}")
+
+
+class Budget:
+    """What the reader of one file may still spend.
+
+    Args:
+        n_bytes: of the file on the disk; None sets no limit that grows with a file.
+    """
+
+    __slots__ = ("_n_bytes", "_spent")
+
+    def __init__(self, n_bytes: int | None) -> None:
+        self._n_bytes = n_bytes
+        self._spent: dict[str, int] = {}
+
+    def fresh(self) -> Budget:
+        """Return the budget of the same file, of which nothing is spent."""
+        return Budget(self._n_bytes)
+
+    def most(self, limit: Limit) -> int:
+        """Return the value of a limit."""
+        return limit.most if self._n_bytes is None else limit.of(self._n_bytes)
+
+    def left(self, limit: Limit) -> int:
+        """Return how much of a limit is left."""
+        return self.most(limit) - self._spent.get(limit.name, 0)
+
+    def spend(self, limit: Limit, number: int = 1) -> None:
+        """Take something off a limit.
+
+        Raises:
+            LimitError: so much is not left; nothing is taken off.
+        """
+        spent = self._spent.get(limit.name, 0) + number
+        if spent > self.most(limit):
+            raise LimitError(limit, spent, self.most(limit))
+        self._spent[limit.name] = spent
