@@ -45,9 +45,10 @@ DECLARATIONS: Final = Limit("different declarations and metadata", 20_000, 1 / 5
 CHANNELS: Final = Limit("channels", 4096)
 EVENT_CHANNELS: Final = Limit("channels of events", 1024)
 DEFINITION: Final = Limit("characters of one definition", 100_000)
-DEFINITIONS: Final = Limit("characters of all definitions of events", 200_000)
-ELEMENTS: Final = Limit("elements that a definition gives every message", 100_000)
-UNROLLED: Final = Limit("texts or messages in arrays of fixed length", 2_000)
+STATEMENTS: Final = Limit("statements of one definition", 1000)
+EVENT_STATEMENTS: Final = Limit("statements of all definitions of events", 2000)
+ELEMENTS: Final = Limit("numbers that one message of fixed length holds", 1_000_000)
+UNROLLED: Final = Limit("texts and messages in the arrays of fixed length of one definition", 500)
 EVENT: Final = Limit("bytes of one event", 8 * MIB)
 ROW: Final = Limit("bytes of one row", MIB, 1)
 STEPS: Final = Limit("steps of the database", 20_000_000, 20)
@@ -63,7 +64,8 @@ LIMITS: Final = (
     CHANNELS,
     EVENT_CHANNELS,
     DEFINITION,
-    DEFINITIONS,
+    STATEMENTS,
+    EVENT_STATEMENTS,
     ELEMENTS,
     UNROLLED,
     EVENT,
@@ -105,6 +107,15 @@ class Budget:
     def left(self, limit: Limit) -> int:
         """Return how much of a limit is left."""
         return self.most(limit) - self._spent.get(limit.name, 0)
+
+    def check(self, limit: Limit, number: int) -> None:
+        """Raise if one thing is larger than a limit.
+
+        Raises:
+            LimitError: it is.
+        """
+        if number > self.most(limit):
+            raise LimitError(limit, number, self.most(limit))
 
     def spend(self, limit: Limit, number: int = 1) -> None:
         """Take something off a limit.

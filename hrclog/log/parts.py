@@ -159,7 +159,7 @@ def _tell_of_the_end(path: Path, contents: Contents, complain: Complain) -> None
         return
     if plain_name(path.name).endswith(PARTIAL_SUFFIX):
         complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
-    elif "truncated" not in codes:
+    elif not codes & {"truncated", "limit_reached"}:
         complain("truncated", NO_FOOTER, None)
 
 

@@ -238,8 +238,7 @@ def _expand(chunk: _Fields, content: bytes, budget: Budget) -> bytes:
     name = chunk.get(b"compression", b"none")
     if name == b"none":
         return content
-    if size > budget.most(CHUNK):
-        raise LimitError(CHUNK, size, budget.most(CHUNK))
+    budget.check(CHUNK, size)
     budget.spend(UNPACKED, size)
     if name == b"bz2":
         unpacked = bz2.BZ2Decompressor().decompress(content, max_length=size + 1)

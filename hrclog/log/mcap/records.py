@@ -257,7 +257,9 @@ def expand(data: bytes, record: Record, budget: Budget | None = None) -> Span:
         raise ValueError("a chunk's sizes do not fit into it")
     name = bytes(data[start + 32 : name_end])
     if name:
-        _spend_unpacked(budget or Budget(len(data)), size)
+        budget = budget or Budget(len(data))
+        budget.check(CHUNK, size)
+        budget.spend(UNPACKED, size)
     span = _decompress(data, name, name_end + 8, body_end, size)
     if span[2] - span[1] != size:
         raise ValueError("a chunk is not as long as it says")
@@ -266,12 +268,6 @@ def expand(data: bytes, record: Record, budget: Budget | None = None) -> Span:
     if crc and zlib.crc32(memoryview(span[0])[span[1] : span[2]]) != crc:
         raise ValueError("a chunk fails its checksum")
     return span
-
-
-def _spend_unpacked(budget: Budget, size: int) -> None:
-    if size > budget.most(CHUNK):
-        raise LimitError(CHUNK, size, budget.most(CHUNK))
-    budget.spend(UNPACKED, size)
 
 
 def _body_end(data: bytes, chunk: Record) -> int:
@@ -313,7 +309,7 @@ def _has_valid_checksum(data: bytes, record: Record, budget: Budget) -> bool:
     size = _CHUNK.unpack_from(data, start)[2]
     name_size = int.from_bytes(data[start + 28 : start + 32], "little")
     begin = start + 40 + name_size
-    if _body_end(data, record) > end or size > min(budget.left(UNPACKED), budget.most(CHUNK)) and name_size:
+    if _body_end(data, record) > end or (name_size and size > min(budget.left(UNPACKED), budget.most(CHUNK))):
         return False
     if not name_size and not _may_hold(data, begin, _body_end(data, record), size):
         return False
