@@ -90,11 +90,11 @@ class Budget:
         n_bytes: of the file on the disk; None sets no limit that grows with a file.
     """
 
-    __slots__ = ("_n_bytes", "_spent")
+    __slots__ = ("_left", "_n_bytes")
 
     def __init__(self, n_bytes: int | None) -> None:
         self._n_bytes = n_bytes
-        self._spent: dict[str, int] = {}
+        self._left: dict[str, int] = {}
 
     def fresh(self) -> Budget:
         """Return the budget of the same file, of which nothing is spent."""
@@ -106,7 +106,8 @@ class Budget:
 
     def left(self, limit: Limit) -> int:
         """Return how much of a limit is left."""
-        return self.most(limit) - self._spent.get(limit.name, 0)
+        left = self._left.get(limit.name)
+        return self.most(limit) if left is None else left
 
     def check(self, limit: Limit, number: int) -> None:
         """Raise if one thing is larger than a limit.
@@ -114,7 +115,7 @@ class Budget:
         Raises:
             LimitError: it is.
         """
-        if number > self.most(limit):
+        if number > limit.least and number > self.most(limit):
             raise LimitError(limit, number, self.most(limit))
 
     def spend(self, limit: Limit, number: int = 1) -> None:
@@ -123,7 +124,9 @@ class Budget:
         Raises:
             LimitError: so much is not left; nothing is taken off.
         """
-        spent = self._spent.get(limit.name, 0) + number
-        if spent > self.most(limit):
-            raise LimitError(limit, spent, self.most(limit))
-        self._spent[limit.name] = spent
+        left = self._left.get(limit.name)
+        if left is None:
+            left = self.most(limit)
+        if number > left:
+            raise LimitError(limit, self.most(limit) - left + number, self.most(limit))
+        self._left[limit.name] = left - number
