@@ -16,7 +16,7 @@ DOTTED = re.compile(r"^(hrclog(?:\.\w+)+):\w+$")
 TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
-    _version arrays diagnostic errors event_rows events file_names forks ids json_record parallel plugins
+    _version arrays diagnostic errors event_rows events file_names forks ids json_record json_text parallel plugins
     recipe_names scene state tags units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""

@@ -38,6 +38,7 @@ class Limit:
 UNPACKED: Final = Limit("bytes once unpacked", 32 * MIB, 50, ends_reading=False)
 CHUNK: Final = Limit("bytes of one chunk once unpacked", 256 * MIB, ends_reading=False)
 WHOLE_FILE: Final = Limit("bytes once the whole file is unpacked", 32 * MIB, 50, 1 << 31)
+UNPACKED_DUMP: Final = Limit("bytes of a dump of JSON once it is unpacked", 64 * MIB, 100, 1 << 30)
 CHECKED: Final = Limit("bytes that are checked for being a chunk, and are none", 64 * MIB, 16)
 RECORDS: Final = Limit("records in chunks", 250_000, 1 / 8)
 FRAME: Final = Limit("records outside of chunks", 100_000, 1 / 32)
@@ -57,6 +58,7 @@ LIMITS: Final = (
     UNPACKED,
     CHUNK,
     WHOLE_FILE,
+    UNPACKED_DUMP,
     CHECKED,
     RECORDS,
     FRAME,
