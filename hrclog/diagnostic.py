@@ -26,6 +26,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     ),
     "recovered_with_losses": ("error", "the file was recovered from a damaged one; what that one lost is missing here"),
     "undecodable_event": ("error", "a message on an event channel could not be decoded and was skipped"),
+    "overlaps_left_out": ("error", "so many executions or agents of a run overlap that its pairs were left out"),
     "events_missing": ("error", "the sequence numbers of a run have gaps: events were lost"),
     "unknown_event": ("error", "an event of a kind this version does not know was kept but not interpreted"),
     "end_without_start": ("error", "an execution ended that never started; the event was skipped"),
