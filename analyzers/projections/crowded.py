@@ -19,7 +19,7 @@ _PER_EXECUTION: Final = 2000
 """An execution may overlap 44 others on average, and in small runs more."""
 
 MOST_AGENTS: Final = 50
-"""With more agents than this in a run, metrics of pairs of agents are left out."""
+"""Agents of a run; pairs of agents grow with the square of them."""
 
 
 def without_crowded(intervals: pl.DataFrame) -> pl.DataFrame:
@@ -32,16 +32,26 @@ def without_crowded(intervals: pl.DataFrame) -> pl.DataFrame:
     return intervals.filter(~pl.col("run_id").is_in(list(crowded))) if crowded else intervals
 
 
-def crowded_runs(intervals: pl.DataFrame) -> dict[str, int]:
-    """Return the crowded runs, sorted, each with how many pairs of its executions overlap.
+def crowded_runs(intervals: pl.DataFrame) -> dict[str, str]:
+    """Return the crowded runs, sorted, each with what there is too much of.
 
     Args:
         intervals: a frame of schema `INTERVALS`.
     """
-    if intervals.height <= _NEVER_CROWDED:
+    if intervals.height <= MOST_AGENTS:
         return {}
-    large = intervals["run_id"].value_counts().filter(pl.col("count") > _NEVER_CROWDED)["run_id"]
-    rows = intervals.filter(pl.col("run_id").is_in(large.implode())).sort("run_id")
+    sizes = intervals.group_by("run_id").agg(pl.len().alias("executions"), pl.col("agent").n_unique().alias("agents"))
+    populous = sizes.filter(pl.col("agents") > MOST_AGENTS).select("run_id", "agents").iter_rows()
+    crowded = {run: f"it has {agents:,} agents, expected at most {MOST_AGENTS}" for run, agents in populous}
+    large = sizes.filter(pl.col("executions") > _NEVER_CROWDED)["run_id"]
+    for run, n_pairs in _overlapping(intervals.filter(pl.col("run_id").is_in(large.implode()))).items():
+        crowded.setdefault(run, f"{n_pairs:,} pairs of its executions overlap")
+    return dict(sorted(crowded.items()))
+
+
+def _overlapping(intervals: pl.DataFrame) -> dict[str, int]:
+    """Return the runs in which too many executions overlap, and how many pairs of them do."""
+    rows = intervals.sort("run_id")
     if rows.is_empty():
         return {}
     number = rows["run_id"].rle_id().to_numpy().astype(np.int64)

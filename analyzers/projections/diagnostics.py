@@ -9,7 +9,7 @@ import polars as pl
 
 from hrclog import wording
 from hrclog.analyzers.projections.clock_step import turned_ends
-from hrclog.analyzers.projections.crowded import MOST_AGENTS, crowded_runs
+from hrclog.analyzers.projections.crowded import crowded_runs
 from hrclog.analyzers.projections.intervals import is_counted
 from hrclog.analyzers.projections.overlaps import MOST_PAIRS, pair_count, task_counts
 from hrclog.analyzers.projections.similar_names import similar_names
@@ -149,28 +149,17 @@ def _unlisted_pairs(intervals: pl.DataFrame) -> list[Diagnostic]:
 
 def _crowded(intervals: pl.DataFrame, runs: pl.DataFrame) -> list[Diagnostic]:
     crowded = crowded_runs(intervals)
-    left_out = [
+    return [
         Diagnostic(
             "overlaps_left_out",
-            f"{wording.counted(crowded[run], 'pair')} of its executions overlap: its overlaps were left out, and it is "
-            "in no estimate; do executions lack their ends, or is it several runs?",
+            f"{crowded[run]}: its overlaps were left out, and it is in no estimate; do executions lack their ends, or "
+            "is it several runs?",
             path,
             run,
         )
         for path, run in runs.select("path", "run_id").iter_rows()
         if run in crowded
     ]
-    populous = [
-        Diagnostic(
-            "overlaps_left_out",
-            f"the run has {n_agents:,} agents: metrics of pairs of agents were left out, expected at most {MOST_AGENTS}",
-            path,
-            run,
-        )
-        for path, run, n_agents in runs.select("path", "run_id", pl.col("agents").list.len()).iter_rows()
-        if n_agents > MOST_AGENTS
-    ]
-    return [*left_out, *populous]
 
 
 def _not_ended(events: pl.DataFrame, runs: pl.DataFrame) -> list[Diagnostic]:
