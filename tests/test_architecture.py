@@ -25,24 +25,25 @@ ARROWS: Mapping[str, str] = {
     # room: the rooms it may import, besides the basics
     # log
     "log": "",
-    "log.mcap": "",
-    "log.files": "log.mcap",
-    "log.messages": "log.files log.mcap",
-    "log.bags": "log.files log.mcap log.messages",
+    "log.limits": "",
+    "log.mcap": "log.limits",
+    "log.files": "log.limits log.mcap",
+    "log.messages": "log.files log.limits log.mcap",
+    "log.bags": "log.files log.limits log.mcap log.messages",
     "log.writing": "log.files log.mcap log.messages",
     "log.remarks": "",
     "log.clocks": "log.remarks",
     "log.annotations": "log.files log.messages log.parts log.remarks log.writing",
     "log.runs": "log.annotations log.remarks",
     "log.losses": "log.mcap log.messages log.remarks log.writing",
-    "log.parts": "log.bags log.files log.losses log.mcap log.messages log.writing",
+    "log.parts": "log.bags log.files log.limits log.losses log.mcap log.messages log.writing",
     "log.never_set": "log.remarks",
     "log.checks": "log.clocks log.never_set log.remarks",
     "log.reader": (
         "log.annotations log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts "
         "log.runs log.writing"
     ),
-    "log.recover": "log.files log.losses log.mcap log.messages log.reader log.remarks log.writing",
+    "log.recover": "log.files log.limits log.losses log.mcap log.messages log.reader log.remarks log.writing",
     "log.begun": "log.losses log.mcap log.messages log.recover",
     "log.follow": "log.mcap log.messages",
     "log.watch": "log.files log.writing",

@@ -44,8 +44,8 @@ def metrics(
             and the order of each agent's executions.
 
     Returns:
-        A frame of schema `METRICS`, without pairs of agents where a run has very many: fractions of T, but `*_s` in seconds, `*_m` in metres, `*_count` and
-        `mean_speed_scale` plain.
+        A frame of schema `METRICS`, without pairs of agents where a run has very many: fractions of T, but `*_s` in
+        seconds, `*_m` in metres, `*_count` and `mean_speed_scale` plain.
 
     Raises:
         HrclogError: a frame is not of its schema.
