@@ -27,7 +27,7 @@ class JsonLimits:
     n_values: int
 
 
-EVENT_JSON: Final = JsonLimits(8 * _MIB, 1_000_000)
+EVENT_JSON: Final = JsonLimits(8 * _MIB, 250_000)
 """Of an event, its details, a scene, a value in a knowledge base."""
 
 INPUT_JSON: Final = JsonLimits(64 * _MIB, 2_000_000)

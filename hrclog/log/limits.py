@@ -1,7 +1,7 @@
 """What a file may ask of its reader: one table of limits, and one budget per file that is spent before memory is taken.
 
 A limit grows with the size of the file as it lies on the disk, and has a floor, so that small files can hold what small
-files hold. Files that are written to log something stay far below: they unpack to a sixth of the limit at most.
+files hold. Files that are written to log something stay far below: they unpack to a fifth of the limit at most.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class Limit:
         return min(self.most, max(self.least, int(self.per_byte * n_bytes)))
 
 
-UNPACKED: Final = Limit("bytes once unpacked", 32 * MIB, 50, ends_reading=False)
-CHUNK: Final = Limit("bytes of one chunk once unpacked", 256 * MIB, ends_reading=False)
-WHOLE_FILE: Final = Limit("bytes once the whole file is unpacked", 32 * MIB, 50, 1 << 31)
+UNPACKED: Final = Limit("bytes once unpacked", 32 * MIB, 32, ends_reading=False)
+CHUNK: Final = Limit("bytes of one chunk once unpacked", 32 * MIB, 16, 256 * MIB, ends_reading=False)
+WHOLE_FILE: Final = Limit("bytes once the whole file is unpacked", 32 * MIB, 32, 1 << 31)
 UNPACKED_DUMP: Final = Limit("bytes of a dump of JSON once it is unpacked", 64 * MIB, 100, 1 << 30)
 CHECKED: Final = Limit("bytes that are checked for being a chunk, and are none", 64 * MIB, 16)
 RECORDS: Final = Limit("records in chunks", 250_000, 1 / 8)

@@ -45,7 +45,7 @@ def read_database(path: Path, wanted: Wanted, content: bytes | None, budget: Bud
     contents = Contents(finished=True, budget=budget)
     try:
         with _opened(path, content) as database:
-            _limit(database, budget)
+            _limit(database, budget if content is None else Budget(len(content)))
             _declare(database, contents, path)
             _read_messages(database, contents, wanted)
     except LimitError as error:
@@ -112,6 +112,7 @@ def _declare(database: sqlite3.Connection, contents: Contents, path: Path) -> No
         if not isinstance(topic_id, int):
             continue
         contents.budget.spend(CHANNELS)
+        contents.budget.spend(UNPACKED, len(str(name)) + len(str(kind)))
         language, text = definitions.get(str(kind), ("", ""))
         contents.schemas[topic_id] = Schema(id=topic_id, name=str(kind), encoding=language, data=text.encode())
         contents.channels[topic_id] = Channel(topic_id, str(name), str(encoding), {}, topic_id)

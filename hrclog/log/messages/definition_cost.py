@@ -18,7 +18,8 @@ _ANY: Final = Budget(0)  # these limits do not grow with a file
 _SKIPPED: Final = re.compile(r"[^\S\n]*(?:#[^\n]*)?\n")  # a line without a statement
 _IDL_NOISE: Final = re.compile(r'"(?:[^"\\\n]|\\.)*"|//[^\n]*|/\*(?:[^*]|\*(?!/))*+\*/')
 _ANNOTATION: Final = re.compile(r"@\s*\w+\s*\([^()]*\)")
-_IDL_STATEMENT: Final = re.compile(r"[;@=]")
+_IDL_STATEMENT: Final = re.compile(r"[;@,]")
+_OF_A_VALUE: Final = 3  # statements that take as long
 
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4  # kinds of types, as rosbags numbers them
 _DEEPEST: Final = 50
@@ -47,7 +48,7 @@ def checked_text(text: str) -> str:
     """
     check_length(len(text))
     text = without_comments(text)
-    _ANY.check(STATEMENTS, text.count("\n"))
+    _ANY.check(STATEMENTS, text.count("\n") + text.count(","))  # commas part the elements of a default
     return text
 
 
@@ -61,7 +62,7 @@ def checked_idl(text: str) -> str:
     check_length(len(text))
     text = _IDL_NOISE.sub(lambda match: '""' if match[0].startswith('"') else " ", text)
     text = re.sub(r'""(?:\s*"")++', '""', text)
-    _ANY.check(STATEMENTS, len(_IDL_STATEMENT.findall(text)))
+    _ANY.check(STATEMENTS, len(_IDL_STATEMENT.findall(text)) + _OF_A_VALUE * text.count("="))
     rest = _ANNOTATION.sub("", text)
     if "(" in rest or "<<" in rest:
         raise ValueError("it computes a constant with parentheses or a shift, expected a number")
