@@ -110,6 +110,7 @@ def analyze_logs(
         observations=observations,
         fit=fit,
         scene=logs.scene,
+        exclusions=logs.exclusions,
     )
 
 

@@ -13,18 +13,21 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from hrclog.analyzers.exporters.tables import Csv
 from hrclog.analyzers.result import Analysis
 from hrclog.errors import OutputError
 from hrclog.file_names import file_stem
 from hrclog.json_text import RESULT_JSON, read_json_file
 
 JSON_NAME: Final = "analysis.json"
+EXECUTIONS_NAME: Final = "executions.csv"  # what R, SPSS and spreadsheets are given
 RECORDING_NAME: Final = "analysis.rrd"
 RUNS_FOLDER: Final = "runs"
 TABLES: Final = (
     "events",
     "signals",
     "intervals",
+    "executions",
     "overlaps",
     "pair_overlaps",
     "durations",
@@ -67,6 +70,7 @@ def save(
         for table in TABLES:
             frame: pl.DataFrame = getattr(analysis, table)
             frame.write_parquet(folder / f"{table}.parquet")
+        Csv().write(analysis.executions, folder / EXECUTIONS_NAME)
         analysis.to_rerun(folder / RECORDING_NAME)
         on_step()
         for run_id, name in names.items():

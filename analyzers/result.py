@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,6 +17,7 @@ from hrclog.analyzers.synergy.fit import Fit
 from hrclog.analyzers.synergy.observations import Observations
 from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.diagnostic import Diagnostic
+from hrclog.log.annotations.exclusions import Exclusion
 from hrclog.log.messages.recorded_scene import RecordedScene
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 ANALYSIS_VERSION: Final = 1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, repr=False)  # without slots, which leave no place for what is computed when it is asked for
 class Analysis:
     """The result for a set of runs. `hrclog.analyzers.projections.schemas` has the frames' columns."""
 
@@ -44,6 +46,29 @@ class Analysis:
     observations: Observations
     fit: Fit
     scene: RecordedScene = field(default_factory=RecordedScene)
+    exclusions: list[Exclusion] = field(default_factory=list)
+
+    @cached_property
+    def executions(self) -> pl.DataFrame:
+        """Return the long table for statistics: one row per execution, with its run, tags and seconds beside others.
+
+        Its columns are those of `EXECUTIONS`, one per tag, and one per agent.
+        """
+        from hrclog.analyzers.projections.executions import executions
+        from hrclog.log.runs.tags import run_tags
+
+        return executions(self.intervals, self.runs, run_tags(self.events))
+
+    def __repr__(self) -> str:
+        from hrclog.analyzers.notebook import headline
+
+        return f"<hrclog.Analysis: {headline(self.runs, self.diagnostics)}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: a summary and the heatmap of the synergies."""
+        from hrclog.analyzers.notebook import page
+
+        return page(self.runs, self.durations, self.synergies, self.diagnostics)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""
@@ -61,6 +86,7 @@ class Analysis:
             "durations": self.durations.to_dicts(),
             "synergies": self.synergies.to_dicts(),
             "overlaps": self.pair_overlaps.to_dicts(),
+            "exclusions": [exclusion.as_dict() for exclusion in self.exclusions],
             "diagnostics": [diagnostic.as_dict() for diagnostic in self.diagnostics],
         }
 

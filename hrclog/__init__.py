@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.comparison.compare import Comparison, compare
     from hrclog.analyzers.exporters.exporter import Exporter
+    from hrclog.analyzers.exporters.save import save_table
     from hrclog.analyzers.prediction.from_logs import score
     from hrclog.analyzers.prediction.score import Score
     from hrclog.analyzers.projections.durations import durations
@@ -77,6 +78,7 @@ _LAZY = {
     "read_plan": "hrclog.planning.plan",
     "register_estimator": "hrclog.analyzers.synergy.estimators",
     "replanner": "hrclog.analyzers.search.replan",
+    "save_table": "hrclog.analyzers.exporters.save",
     "score": "hrclog.analyzers.prediction.from_logs",
     "write_logs": "hrclog.recorders.importers.table.from_table",
     "write_plan": "hrclog.planning.plan",
@@ -121,6 +123,7 @@ __all__ = [
     "read_plan",
     "register_estimator",
     "replanner",
+    "save_table",
     "score",
     "write_logs",
     "write_plan",

@@ -10,7 +10,7 @@ Severity = Literal["error", "warning", "info"]
 
 CODES: Final[dict[str, tuple[Severity, str]]] = {
     # data that was lost or skipped
-    "unreadable_file": ("error", "a file could not be read; the other files were"),
+    "unreadable_file": ("error", "a file or folder could not be read; the others were"),
     "limit_reached": ("error", "a file asks for more than its limit; what asks for it, or all behind it, was not read"),
     "missing_part": ("error", "a bag lists a part that is not there"),
     "no_header": ("error", "the file ends before its header, so it holds 0 events"),
@@ -64,7 +64,11 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     "zero_duration": ("warning", "an execution ended in the instant in which it started"),
     "implausible_time": ("warning", "a run began before 2000 or lasted longer than a week: a wrong unit or clock?"),
     "impossible_factor": ("warning", "an estimator gave a factor of 0 or less: the data do not support a factor there"),
-    "unread_logs": ("warning", "logs lie beside or below those that were given, and were not read"),
+    "unread_logs": ("warning", "logs lie beside those that were given, or in a folder of results, and were not read"),
+    "not_imported": (
+        "warning",
+        "a recording of another system lies in a folder of logs: it carries no events, and was left out",
+    ),
     "outcome_not_told": (
         "warning",
         "ends that tell no outcome, where others of their run or table do: they count as unknown",
@@ -106,6 +110,11 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "types have no definition in the recording; they were read by the standard ones",
     ),
+    "exclusion_unmatched": ("warning", "an annotation excludes an execution or a span of which there is nothing"),
+    "goals_unread": (
+        "warning",
+        "goals of an action are recorded without the definition of their type: all are called alike",
+    ),
     "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
     # facts
     "unfinished_log": ("info", "the log was not closed; every event in it was read (`hrclog recover` closes it)"),
@@ -116,6 +125,10 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "no checksum covers the messages of the file, or of the one it was recovered from: damage cannot be seen",
     ),
     "duplicate_events": ("info", "the same events were given more than once and counted once"),
+    "excluded": (
+        "info",
+        "annotations exclude runs or executions, which do not count, or say that nothing is learnt from them",
+    ),
     "unlisted_pairs": ("info", "there are so many tasks that only the pairs that overlapped are listed"),
     "one_agent": ("info", "the runs have a single agent: there are no synergies to estimate"),
     "run_not_ended": ("info", "the run has no run_ended event"),
@@ -130,6 +143,9 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
 
 TIMES_IN_DOUBT: Final = ("clock_offset", "clock_jump", "clock_step", "clock_put_back", "doubtful_speed")
 """Codes that stand beside every result that is computed from times: with them, factors and stop times may be wrong."""
+
+ALWAYS_TOLD: Final = ("excluded",)
+"""Codes of facts that every command tells: results are without what was left out."""
 
 TIMES_CORRECTED: Final = "clock_corrected"
 

@@ -39,6 +39,10 @@ class LogReadError(HrclogError):
         super().__init__(f"{path}: {self.reason}")
 
 
+class NoLogError(LogReadError):
+    """A file is of another kind, or a folder holds no log."""
+
+
 class LogWriteError(HrclogError):
     """An event could not be written."""
 

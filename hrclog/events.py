@@ -47,6 +47,10 @@ UNKNOWN_OUTCOME: Final = "unknown"
 """Outcome that a reader derives for an execution that is still open at the end of its log, or that does not tell how it
 ended; never written."""
 
+NOT_LEARNT: Final = "not_learnt"
+"""Role that a reader derives for an execution that annotations say nothing is to be learnt from: it counts in
+timelines, in metrics and as a disturbance of others; never written."""
+
 COMPLETED: Final = "completed"
 """Outcome that a reader derives for an execution that ended in a run that tells no outcome at all; never written."""
 

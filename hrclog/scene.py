@@ -18,7 +18,12 @@ Point2 = tuple[float, float]
 Rgb = tuple[int, int, int]
 AreaKind = Literal["red", "orange"]
 
-_FARTHEST_M: Final = 1e4
+FARTHEST_M: Final = 1e4
+"""How far from the origin anything may be."""
+
+QUATERNION_NORMS: Final = (1e-6, 1e6)
+"""Between these lies the length of a quaternion that is a rotation; readers make it 1."""
+
 _KINDS: Final = ("red", "orange")
 _GREY: Final = (160, 160, 160)
 
@@ -194,8 +199,8 @@ def _numbers(entry: Mapping[str, Any], name: str, count: int) -> tuple[float, ..
 
 
 def _number(what: str, value: object) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= _FARTHEST_M:
-        raise _value_error(what, value, f"a number within {_FARTHEST_M:g} of 0")
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= FARTHEST_M:
+        raise _value_error(what, value, f"a number within {FARTHEST_M:g} of 0")
     return float(value)
 
 

@@ -54,6 +54,7 @@ class EventRecorder:
         path: the log to be.
         run_id: of the run.
         losses: what of the run was found lost when it was resumed, in words.
+        resumed_ns: the latest instant of the run before it was resumed, None for a new run.
 
     Args:
         segment: where to write, and what the run has come to before.
@@ -71,6 +72,7 @@ class EventRecorder:
         self.path = segment.path
         self.run_id = segment.run_id
         self.losses = segment.told
+        self.resumed_ns = segment.last_ns if segment.number > 1 else None
         self._clock_ns = clock_ns
         self._journal: Journal | None = None
         self._lock = threading.RLock()
@@ -190,12 +192,16 @@ class EventRecorder:
                 journal.path.unlink()
             raise
 
-    def _sample(self, signal: Signal) -> None:
-        """Write a sample of a signal."""
+    def _sample(self, *signals: Signal) -> None:
+        """Write samples of signals: all of them, or none."""
         with self._lock:
             now = self._now()
-            timed = replace(signal, time_ns=now) if signal.time_ns == NOW else signal
-            self._open_journal().append(signal_message(timed, now))
+            self._open_journal().append(
+                *[
+                    signal_message(replace(signal, time_ns=now) if signal.time_ns == NOW else signal, now)
+                    for signal in signals
+                ]
+            )
 
     def _remember(self, event: Event, state: ExecutionState | None) -> None:
         """Remember what was written."""

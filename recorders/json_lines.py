@@ -1,44 +1,24 @@
-"""What one JSON line of another program says: how a run begins, an event, or a sample of signals."""
+"""What one JSON line of another program says of a run: how it begins, or an event; samples are in `sample_lines`."""
 
 from __future__ import annotations
 
-import difflib
-import sys
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import check_row, from_row, parse_details, to_row
-from hrclog.events import COLUMNS, TASK_KINDS, Event, Outcome, Role, RunStarted, TaskFact, UnknownEvent
+from hrclog.events import COLUMNS, EVENT_CLASSES, TASK_KINDS, Event, Outcome, Role, RunStarted, TaskFact
 from hrclog.ids import new_id
-from hrclog.log.messages.json_rows import row_from_object
+from hrclog.log.messages.json_rows import row_from_object, short
+from hrclog.recorders.line_fields import RUN_FACTS, check_fields, instant_of
+from hrclog.recorders.sample_lines import SAMPLE_KINDS, is_sample, sample_of
 from hrclog.recorders.task_handle import instant
-from hrclog.units import NS_PER_S
 from hrclog.wording import counted
-
-SIGNAL: Final = "signal"
-"""The kind of a line that is a sample, not an event."""
 
 BEGINNINGS: Final = ("task_dispatched", "task_started")
 """Kinds of the first event of an execution."""
 
-_RUN_FACTS: Final = ("name", "agents", "plan", "task_properties", "dispatch_mode", "software", "seed", "tags")
-_SIGNAL_FIELDS: Final = ("kind", "name", "value", "values", "time_ns")
-_UNITS: Final = (("seconds", 1), ("milliseconds", 10**3), ("microseconds", 10**6))
-_FIRST_S: Final = 946_684_800  # 2000-01-01
-_LONGEST: Final = 80  # characters of a strange value
-_LARGEST: Final = int(sys.float_info.max)
-_LAST_S: Final = 4_102_444_800  # 2100-01-01
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """Values of scalar signals at one instant, None for now."""
-
-    values: Mapping[str, float]
-    time_ns: int | None = None
+_START_FIELDS: Final = (*COLUMNS, *RUN_FACTS)
 
 
 def run_facts(value: Mapping[str, Any]) -> dict[str, Any]:
@@ -47,54 +27,41 @@ def run_facts(value: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         InvalidEventError: a field is unknown or has the wrong type.
     """
-    _check_fields(value, (*COLUMNS, *_RUN_FACTS))
+    check_fields(value, _START_FIELDS, "run_started")
     row = row_from_object(value)
     details = parse_details(row["details"], RunStarted.kind)
     details.pop("segment", None)  # the recorder counts its own
-    from_details = {name: details.pop(name) for name in _RUN_FACTS if name in details}
-    stated = {name: value[name] for name in _RUN_FACTS if value.get(name) is not None}
+    from_details = {name: details.pop(name) for name in RUN_FACTS if name in details}
+    stated = {name: value[name] for name in RUN_FACTS if value.get(name) is not None}
     facts = {name: fact for name, fact in (from_details | stated).items() if fact is not None}
     facts["run"] = facts.pop("name", "")
     return facts | start_fact(value) | ({"details": details} if details else {})
 
 
 def start_fact(value: Mapping[str, Any]) -> dict[str, Any]:
-    """Return when a run began that begins with a line, if the line has an instant."""
-    return {} if value.get("time_ns") is None else {"time_ns": int(value["time_ns"])}
+    """Return when a run began that begins with a line, if the line has an instant.
+
+    Raises:
+        InvalidEventError: it is no instant.
+    """
+    time_ns = instant_of(RunStarted.kind, value)
+    return {} if time_ns is None else {"time_ns": time_ns}
 
 
-def event_of(value: Mapping[str, Any], open_executions: Iterable[TaskFact]) -> Event:
+def event_of(value: Mapping[str, Any], open_executions: Callable[[], Iterable[TaskFact]]) -> Event:
     """Return the event of a line.
 
     Args:
         value: the JSON object of the line.
-        open_executions: an event without `execution_id` means the one of its agent and task.
+        open_executions: asked for them where an event names no `execution_id`: it means the one of its agent and task.
 
     Raises:
         InvalidEventError: the line is no event.
     """
     row = _event_row(value)
     if row["kind"] in TASK_KINDS and not row["execution_id"]:
-        row["execution_id"] = _execution_id(row, open_executions)
+        row["execution_id"] = _execution_id(row, open_executions())
     return from_row(row)
-
-
-def sample_of(value: Mapping[str, Any]) -> Sample:
-    """Return the sample of a line of kind `signal`: a `name` and a `value`, or `values` by their names.
-
-    Raises:
-        InvalidEventError: a field is missing, unknown or of the wrong type.
-    """
-    _check_fields(value, _SIGNAL_FIELDS)
-    has_one, has_several = "name" in value or "value" in value, "values" in value
-    if has_one == has_several:
-        fields = ", ".join(name for name in _SIGNAL_FIELDS if name in value)
-        raise InvalidEventError(f"signal: found {fields}, expected name and value, or values by name")
-    values = value["values"] if has_several else {value.get("name"): value.get("value")}
-    if not isinstance(values, Mapping) or not values:
-        raise InvalidEventError(f"signal: values is {values!r}, expected an object of numbers by name")
-    row = row_from_object({"kind": SIGNAL, "time_ns": value.get("time_ns")})
-    return Sample({_signal_name(name): _signal_value(name, values[name]) for name in values}, row["time_ns"])
 
 
 def check_first(value: Mapping[str, Any]) -> None:
@@ -103,7 +70,7 @@ def check_first(value: Mapping[str, Any]) -> None:
     Raises:
         InvalidEventError: says why.
     """
-    if value.get("kind") == SIGNAL:
+    if is_sample(value):
         sample_of(value)
         return
     row = _event_row(value)
@@ -111,74 +78,19 @@ def check_first(value: Mapping[str, Any]) -> None:
     check_row(to_row(from_row(row | times | {"execution_id": row["execution_id"] or "?"})))
 
 
-def check_unit(value: Mapping[str, Any], start_ns: int | None) -> None:
-    """Raise if `time_ns` is plainly a number of seconds, milliseconds or microseconds since 1970.
-
-    Args:
-        value: the JSON object of a line.
-        start_ns: when the run began, None if this line begins it. A run that began on a clock of its own, for example
-            at 0, is not questioned.
-
-    Raises:
-        InvalidEventError: says which unit was found.
-    """
-    time = value.get("time_ns")
-    if isinstance(time, bool) or not isinstance(time, int | float):
-        return
-    if start_ns is not None and start_ns < _FIRST_S * NS_PER_S:
-        return
-    for unit, per_second in _UNITS:
-        if _FIRST_S * per_second <= time < _LAST_S * per_second:
-            day = datetime.fromtimestamp(time / per_second, UTC).date()
-            factor = NS_PER_S // per_second
-            raise InvalidEventError(
-                f"time_ns is {time}: found {unit} since 1970 ({day}), expected nanoseconds; multiply by {factor}, or "
-                "begin a run on a clock of its own with a run_started at time_ns 0"
-            )
-
-
 def _event_row(value: Mapping[str, Any]) -> dict[str, Any]:
     """Return the flat row of an event with its defaults; a task event may lack its `execution_id`."""
-    _check_fields(value, COLUMNS)
+    check_fields(value, COLUMNS, "TaskEvent")
     row = row_from_object(value)
     row["time_ns"] = instant(row["time_ns"])
     row["seq"] = 0
     row["role"] = row["role"] or Role.PRIMARY.value
     if row["kind"] in ("task_ended", "run_ended"):
         row["outcome"] = row["outcome"] or Outcome.SUCCEEDED.value
-    if isinstance(from_row(row), UnknownEvent):
-        expected = f"one of the vocabulary (see docs/events.md) or {SIGNAL}"
-        raise InvalidEventError(f"kind is {row['kind']!r}, expected {expected}")
+    if row["kind"] not in EVENT_CLASSES:
+        expected = f"one of the vocabulary (see docs/events.md), or {', '.join(SAMPLE_KINDS)}"
+        raise InvalidEventError(f"kind is {short(row['kind'])}, expected {expected}")
     return row
-
-
-def _signal_name(name: object) -> str:
-    text = row_from_object({"kind": SIGNAL, "reason": name})["reason"] if isinstance(name, str) else ""
-    if not text.strip():
-        raise InvalidEventError(f"signal: name is {name!r}, expected a name")
-    return str(text)
-
-
-def _signal_value(name: object, value: object) -> float:
-    is_too_large = isinstance(value, int) and abs(value) > _LARGEST
-    if isinstance(value, int | float) and not isinstance(value, bool) and not is_too_large:
-        return float(value)
-    raise InvalidEventError(f"signal: the value of {name!r} is {_short(value)}, expected a number of 64 bits")
-
-
-def _short(value: object) -> str:
-    """Return how a value is written, or that it is a large number: Python refuses to write the largest."""
-    return "a larger number" if isinstance(value, int) and abs(value) > _LARGEST else repr(value)[:_LONGEST]
-
-
-def _check_fields(value: Mapping[str, Any], known_names: tuple[str, ...]) -> None:
-    for name in value:
-        if name not in known_names:
-            similar_names = difflib.get_close_matches(name.lower(), known_names, 1)
-            owner = SIGNAL if known_names == _SIGNAL_FIELDS else "TaskEvent"
-            otherwise = f"they are {', '.join(known_names)}" if owner == SIGNAL else "put further facts into details"
-            hint = f"did you mean {similar_names[0]!r}?" if similar_names else otherwise
-            raise InvalidEventError(f"found the unknown field {name!r}, expected those of {owner}; {hint}")
 
 
 def _execution_id(row: Mapping[str, Any], open_executions: Iterable[TaskFact]) -> str:

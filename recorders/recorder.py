@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -9,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from hrclog.errors import InvalidEventError
+from hrclog.errors import InvalidEventError, LogWriteError
 from hrclog.events import (
     AnnotationAdded,
     Cause,
@@ -35,8 +36,33 @@ __all__ = ["Recorder", "TaskHandle"]
 
 
 def log_path(path: str | Path) -> Path:
-    """Return a path with the ending .mcap."""
-    return Path(path) if Path(path).suffix == ".mcap" else Path(f"{path}.mcap")
+    """Return a path with the ending .mcap; where it is a symbolic link, the file that it points to, there or not.
+
+    Raises:
+        LogWriteError: the link leads in a circle, or to a name of another ending.
+    """
+    given = Path(path)
+    log = given if given.suffix == ".mcap" or _is_file_link(given) else Path(f"{given}.mcap")
+    if not _is_link(log):
+        return log
+    target = Path(os.path.realpath(log))
+    if _is_link(target):
+        raise LogWriteError(log, "is a symbolic link that leads in a circle", "remove it, or choose another name")
+    if target.suffix != ".mcap":
+        reason = f"is a symbolic link to {target}"
+        raise LogWriteError(log, reason, "let it point to a name that ends in .mcap, or choose another name")
+    return target
+
+
+def _is_link(path: Path) -> bool:
+    try:
+        return path.is_symlink()
+    except OSError:  # a name that is too long
+        return False
+
+
+def _is_file_link(path: Path) -> bool:
+    return _is_link(path) and not path.is_dir()
 
 
 class Recorder(EventRecorder):
@@ -47,7 +73,7 @@ class Recorder(EventRecorder):
     to now.
 
     Args:
-        path: the log to be, `NAME.mcap`.
+        path: the log to be, `NAME.mcap`; a symbolic link is the file that it points to.
         run: name of the run; default the file's.
         agents: who takes part, if known.
         plan: the plan to be followed, anything that JSON can hold.
@@ -238,9 +264,17 @@ class Recorder(EventRecorder):
 
     def signal(self, name: str, value: float, *, time_ns: int | None = None) -> None:
         """Record a sample of a scalar signal."""
+        self._sample(self._float_signal(name, value, instant(time_ns)))
+
+    def signals(self, values: Mapping[str, float], *, time_ns: int | None = None) -> None:
+        """Record samples of scalar signals by their names, at one instant: all of them, or none."""
+        time = instant(time_ns)
+        self._sample(*[self._float_signal(name, value, time) for name, value in values.items()])
+
+    def _float_signal(self, name: str, value: float, time_ns: int) -> FloatSignal:
         if not isinstance(name, str) or not name.strip():
             raise InvalidEventError(f"{self.path}: found {name!r} as the name of a signal, expected a text")
-        self._sample(FloatSignal(self.run_id, name, instant(time_ns), _number(value)))
+        return FloatSignal(self.run_id, name, time_ns, _number(value))
 
     def joints(
         self, agent: str, names: Sequence[str], positions: Sequence[float], *, time_ns: int | None = None

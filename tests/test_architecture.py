@@ -43,6 +43,7 @@ ARROWS: Mapping[str, str] = {
         "log.annotations log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts "
         "log.runs log.writing"
     ),
+    "log.topics": "log.bags log.files log.mcap log.messages log.parts",
     "log.recover": "log.files log.limits log.losses log.mcap log.messages log.reader log.remarks log.writing",
     "log.begun": "log.losses log.mcap log.messages log.recover",
     "log.follow": "log.mcap log.messages",
@@ -56,8 +57,16 @@ ARROWS: Mapping[str, str] = {
     "recorders.segments": "log",
     "recorders.event_recorder": "log recorders.segments recorders.task_handle",
     "recorders.recorder": "log recorders.event_recorder recorders.segments recorders.task_handle",
-    "recorders.json_lines": "log recorders.task_handle",
-    "recorders.stdin": "log recorders.json_lines recorders.recorder recorders.segments",
+    "recorders.line_fields": "log",
+    "recorders.line_times": "log",
+    "recorders.run_label": "log",
+    "recorders.sample_lines": "log recorders.line_fields recorders.recorder",
+    "recorders.json_lines": "log recorders.line_fields recorders.sample_lines recorders.task_handle",
+    "recorders.line_run": "recorders.json_lines recorders.recorder recorders.sample_lines",
+    "recorders.stdin": (
+        "log recorders.json_lines recorders.line_run recorders.line_times recorders.recorder recorders.run_label "
+        "recorders.sample_lines recorders.segments"
+    ),
     "recorders.annotate": "log",
     "recorders.executors": "log recorders.clock",
     "recorders.dispatch": "planning recorders.clock recorders.event_recorder recorders.recorder recorders.executors",
@@ -69,9 +78,10 @@ ARROWS: Mapping[str, str] = {
     "analyzers.learning": "log knowledge analyzers.projections analyzers.synergy",
     "analyzers.search": "planning knowledge",
     "analyzers.prediction": "log analyzers.projections analyzers.synergy analyzers.learning analyzers.search",
-    "analyzers.result": "log analyzers.projections analyzers.synergy analyzers.figures",
+    "analyzers.notebook": "analyzers.projections analyzers.figures",
+    "analyzers.result": "log analyzers.projections analyzers.synergy analyzers.figures analyzers.notebook",
     "analyzers.analysis": "log analyzers.projections analyzers.synergy analyzers.result",
-    "analyzers.output": "analyzers.result",
+    "analyzers.output": "analyzers.exporters analyzers.result",
     "analyzers.comparison": "analyzers.projections analyzers.synergy analyzers.result",
     "analyzers.figures": "log analyzers.projections analyzers.synergy",
     "analyzers.drawing": "analyzers.figures",

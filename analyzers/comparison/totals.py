@@ -6,9 +6,9 @@ from typing import Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import is_success, top_level
+from hrclog.analyzers.projections.intervals import has_learnt_role, is_success, top_level
 from hrclog.analyzers.synergy.pairs import in_seconds
-from hrclog.events import Outcome, Role
+from hrclog.events import Outcome
 
 _FAILED: Final = (Outcome.FAILED.value, Outcome.TIMED_OUT.value)
 
@@ -99,4 +99,4 @@ def _totals(rows: pl.DataFrame, keys: list[str], value: pl.Expr) -> pl.DataFrame
 
 
 def _primary_intervals(intervals: pl.DataFrame) -> pl.DataFrame:
-    return intervals.filter(pl.col("role") != Role.AUXILIARY.value)
+    return intervals.filter(has_learnt_role())

@@ -55,8 +55,19 @@ def write_table(exporter: Exporter, frame: pl.DataFrame, folder: Path, table: st
         HrclogError: the exporter failed.
     """
     path = folder / f"{table}{exporter.suffix}"
+    write_frame(exporter, frame, path)
+    return path, frame.height
+
+
+def write_frame(exporter: Exporter, frame: pl.DataFrame, path: Path) -> None:
+    """Write a frame to a file, whose folder is created if it is missing.
+
+    Raises:
+        OutputError: the file cannot be written.
+        HrclogError: the exporter failed.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         exporter.write(frame, path)
     except OSError as error:
         raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
@@ -67,4 +78,3 @@ def write_table(exporter: Exporter, frame: pl.DataFrame, folder: Path, table: st
         raise HrclogError(
             f"{path}: {raised}; `hrclog --debug export ...` shows where, or choose another --format"
         ) from error
-    return path, frame.height

@@ -16,5 +16,6 @@ EXPORTERS: Final[Registry[Exporter]] = Registry(
     {
         "csv": "hrclog.analyzers.exporters.tables:Csv",
         "parquet": "hrclog.analyzers.exporters.tables:Parquet",
+        "spss": "hrclog.analyzers.exporters.spss:Spss",
     },
 )

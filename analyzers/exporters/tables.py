@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -34,7 +35,7 @@ class Csv(Exporter):
         """Write a frame."""
         texts = frame.with_columns(pl.col(pl.List(pl.String)).list.join("|"))
         if not self.keep_formulas:
-            texts = texts.with_columns(_harmless(pl.col(pl.String)))
+            texts = texts.with_columns(_harmless(pl.col(pl.String))).rename(_harmless_names(texts.columns))
         texts.write_csv(path)
 
 
@@ -48,6 +49,23 @@ class Parquet(Exporter):
     def write(self, frame: pl.DataFrame, path: Path) -> None:
         """Write a frame."""
         frame.write_parquet(path)
+
+
+def _harmless_names(names: Sequence[str]) -> dict[str, str]:
+    """Return the names of columns as they are written, each once: those of tags and agents are what users call them."""
+    written: dict[str, str] = {}
+    taken = set(names)
+    for name, harmless in zip(
+        names,
+        pl.DataFrame({"name": names}, {"name": pl.String}).select(_harmless(pl.col("name"))).to_series(),
+        strict=True,
+    ):
+        new = harmless
+        while new != name and new in taken:
+            new = f"'{new}"
+        taken.add(new)
+        written[name] = new
+    return written
 
 
 def _harmless(texts: pl.Expr) -> pl.Expr:

@@ -10,9 +10,8 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.figures.text import shorten
-from hrclog.analyzers.projections.intervals import is_success
+from hrclog.analyzers.projections.intervals import has_learnt_role, is_success
 from hrclog.arrays import FloatArray
-from hrclog.events import Role
 from hrclog.wording import counted
 
 MAX_BOXES: Final = 40
@@ -63,7 +62,7 @@ def duration_boxes(intervals: pl.DataFrame, max_boxes: int = MAX_BOXES) -> list[
         max_boxes: tasks drawn per plot; beyond it those executed most often.
     """
     samples = (
-        intervals.filter(is_success() & (pl.col("role") != Role.AUXILIARY.value))
+        intervals.filter(is_success() & has_learnt_role())
         .select("agent", "task", ((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("seconds"))
         .group_by("agent", "task")
         .agg(pl.col("seconds").sort(), pl.len().alias("n"))

@@ -57,15 +57,16 @@ def _ticks(names: tuple[str, ...]) -> tuple[tuple[float, str], ...]:
 def _cell(heatmap: Heatmap, row: int, column: int, width: int, height: int) -> Rect:
     x, y = _GAP_PX / 2 / width, _GAP_PX / 2 / height
     low, high = (column + x, row + y), (column + 1 - x, row + 1 - y)
-    return Rect(low, high, _paint(heatmap, row, column), _label(heatmap, row, column))
+    return Rect(low, high, _paint(heatmap, row, column), cell_label(heatmap, row, column))
 
 
 def _paint(heatmap: Heatmap, row: int, column: int) -> Paint:
     return heatmap.paint(float(heatmap.values[row, column]))
 
 
-def _label(heatmap: Heatmap, row: int, column: int) -> str:
-    parts = [_value_text(heatmap, row, column), *_notes(heatmap, row, column)]
+def cell_label(heatmap: Heatmap, row: int, column: int) -> str:
+    """Return what a cell says on hover: the tasks, the number, and how sure it is or why there is none."""
+    parts = [cell_text(heatmap, row, column), *_notes(heatmap, row, column)]
     return f"{heatmap.rows[row]}, {heatmap.columns[column]}: {', '.join(parts)}"
 
 
@@ -77,14 +78,15 @@ def _texts(heatmap: Heatmap, row: int, column: int, width: int, height: int, *, 
     notes = _notes(heatmap, row, column) if roomy else []
     if len(notes) == 1 and not np.isfinite(heatmap.values[row, column]):
         notes = []  # nothing was seen there: grey says enough
-    lines = [(_value_text(heatmap, row, column), 19 if roomy else 12), *((note, 12) for note in notes)]
+    lines = [(cell_text(heatmap, row, column), 19 if roomy else 12), *((note, 12) for note in notes)]
     first = row + 0.5 - (len(lines) - 1) * _LINE / 2 / height
     for index, (text, size) in enumerate(lines):
         at = (column + 0.5, first + index * _LINE / height)
         yield Text(at, text, ink, size, bold=roomy and not index and not isinstance(fill, str), room=0.94)
 
 
-def _value_text(heatmap: Heatmap, row: int, column: int) -> str:
+def cell_text(heatmap: Heatmap, row: int, column: int) -> str:
+    """Return the number of a cell, n/a where it has none, with a mark where it is in doubt."""
     value = heatmap.values[row, column]
     if not np.isfinite(value):
         return "n/a"

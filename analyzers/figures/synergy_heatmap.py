@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.figures.heatmap import Axes, Heatmap, agent_pairs, axes, matrix, on_one_scale
+from hrclog.analyzers.figures.heatmap import MAX_SIDE, Axes, Heatmap, agent_pairs, axes, matrix, on_one_scale
 from hrclog.analyzers.figures.text import shorten_apart
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
 from hrclog.analyzers.synergy.untold import BRIEFLY, untold_text
@@ -26,14 +26,17 @@ AGENT: Final = 28
 """The most characters of an agent's name in titles."""
 
 
-def synergy_heatmaps(synergies: pl.DataFrame) -> list[Heatmap]:
+def synergy_heatmaps(synergies: pl.DataFrame, max_side: int = MAX_SIDE) -> list[Heatmap]:
     """Return a heatmap per ordered pair of agents, all on one scale.
 
     Args:
         synergies: a frame of schema `SYNERGIES`.
+        max_side: tasks drawn per side.
     """
     agent_labels = agent_names(synergies)
-    return on_one_scale([_pair_heatmap(agents, cells, agent_labels) for agents, cells in agent_pairs(synergies)])
+    return on_one_scale(
+        [_pair_heatmap(agents, cells, agent_labels, max_side) for agents, cells in agent_pairs(synergies)]
+    )
 
 
 def agent_names(pairs: pl.DataFrame) -> dict[str, str]:
@@ -51,9 +54,11 @@ def with_estimator(title: str, cells: pl.DataFrame) -> str:
     return f"{title} ({estimators})" if estimators else title
 
 
-def _pair_heatmap(agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Mapping[str, str]) -> Heatmap:
+def _pair_heatmap(
+    agents: tuple[str, str], cells: pl.DataFrame, agent_labels: Mapping[str, str], max_side: int
+) -> Heatmap:
     agent, other = (agent_labels[name] for name in agents)
-    drawn = axes(cells, "overlap_s", agents)
+    drawn = axes(cells, "overlap_s", agents, max_side)
     cells = cells.with_columns(
         pl.col("status").is_in(("sparse", "weakly_identified")).cast(pl.Float64).alias("doubtful"),
     )

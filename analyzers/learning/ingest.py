@@ -22,6 +22,7 @@ from hrclog.knowledge.records import RunRecord, Version, in_order, run_records, 
 from hrclog.knowledge.update import Method, update
 from hrclog.knowledge.update import rebuild as rebuild_from
 from hrclog.knowledge.write import Taught
+from hrclog.log.annotations.exclusions import exclusion_diagnostics, exclusions_in, judged
 from hrclog.log.checks import usable
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
 from hrclog.log.messages.decode import frame_of_rows
@@ -64,7 +65,7 @@ def ingest_logs(
         HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
         KnowledgeError: the database fails.
     """
-    logs = read_logs(paths, on_file=on_file, clocks=clocks, where=where)
+    logs = read_logs(paths, on_file=on_file, clocks=clocks, where=where, with_excluded=True)
     ingested = ingest(kb, logs.events, _conflicting_ids(logs))
     return replace(ingested, diagnostics=[*logs.diagnostics, *ingested.diagnostics])
 
@@ -79,7 +80,7 @@ def ingest(kb: KnowledgeBase, events: pl.DataFrame, left_out: Iterable[str] = ()
 
     Args:
         kb: the knowledge base.
-        events: an events frame.
+        events: an events frame, with what annotations exclude: a run that was taken in before is then replaced.
         left_out: ids of runs that are not to be taken in.
 
     Raises:
@@ -91,13 +92,13 @@ def ingest(kb: KnowledgeBase, events: pl.DataFrame, left_out: Iterable[str] = ()
         known_versions = {run: Version(*version) for run, version in view.versions(list(run_versions)).items()}
     newer = {run: version for run, version in run_versions.items() if version.supersedes(known_versions.get(run))}
     part = events.filter(pl.col("run_id").is_in(list(newer)))
-    intervals, illegal = rebuild_intervals(part)
+    intervals, illegal = rebuild_intervals(judged(part).events)
     changes = {run.run_id: kb.put(run) for run in run_records(part, intervals, newer)}
     return Ingested(
         [run for run, change in changes.items() if change == "added"],
         [run for run, change in changes.items() if change == "replaced"],
         [run for run in run_versions if changes.get(run, "unchanged") == "unchanged"],
-        illegal,
+        [*exclusion_diagnostics(exclusions_in(events)), *illegal],
     )
 
 
@@ -143,7 +144,7 @@ def rebuild(
         HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
         KnowledgeError: the database fails; nothing has changed then.
     """
-    logs = read_logs(paths, on_file=on_file, clocks=clocks, where=where)
+    logs = read_logs(paths, on_file=on_file, clocks=clocks, where=where, with_excluded=True)
     records, illegal = _records(logs.events.filter(~pl.col("run_id").is_in(_conflicting_ids(logs))))
     lost = {run.run_id for run in kb.runs()} - {run.run_id for run in records}
     if lost and loses_data(logs.diagnostics):
@@ -165,8 +166,9 @@ def frame_of_events(events: Iterable[Event]) -> pl.DataFrame:
 
 def _records(events: pl.DataFrame) -> tuple[list[RunRecord], list[Diagnostic]]:
     events = in_order(events)
-    intervals, illegal = rebuild_intervals(events)
-    return run_records(events, intervals, versions(events)), illegal
+    intervals, illegal = rebuild_intervals(judged(events).events)
+    said = exclusion_diagnostics(exclusions_in(events))
+    return run_records(events, intervals, versions(events)), [*said, *illegal]
 
 
 def _conflicting_ids(logs: Logs) -> list[str]:

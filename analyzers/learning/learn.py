@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.projections.durations import durations
-from hrclog.analyzers.projections.intervals import is_counted
+from hrclog.analyzers.projections.intervals import is_counted, is_learnt
 from hrclog.analyzers.projections.joint_states import AgentTask
 from hrclog.analyzers.synergy.estimator import estimate
 from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS
@@ -77,7 +77,9 @@ def gaps(intervals: pl.DataFrame) -> dict[str, Gap]:
     could_start = pl.when(free.is_not_null()).then(pl.max_horizontal(free, "planned_start_ns"))
     gap = (pl.col("start_ns") - pl.coalesce("dispatched_ns", could_start)).clip(0) / 1e9
     gap_rows = (
-        rows.select("agent", gap.alias("gap_s"))
+        rows.with_columns(gap.alias("gap_s"))
+        .filter(is_learnt())
+        .select("agent", "gap_s")
         .drop_nulls()
         .sort("agent", "gap_s")
         .group_by("agent", maintain_order=True)
@@ -91,7 +93,7 @@ def _failure_rates(intervals: pl.DataFrame) -> dict[AgentTask, tuple[float, floa
     failed = pl.col("outcome").is_in([Outcome.FAILED.value, Outcome.TIMED_OUT.value])
     seconds = (pl.col("until_ns") - pl.col("start_ns")) / 1e9
     rates = (
-        intervals.filter(is_counted(), failed | (pl.col("outcome") == Outcome.SUCCEEDED.value))
+        intervals.filter(is_learnt(), failed | (pl.col("outcome") == Outcome.SUCCEEDED.value))
         .group_by("agent", "task")
         .agg(failed.mean().alias("rate"), seconds.filter(failed).sort().mean().alias("failed_s"))
         .filter(pl.col("rate").is_between(0, 1, closed="none"))

@@ -10,9 +10,9 @@ import polars as pl
 
 from hrclog.analyzers.projections.distributions import NAMES, fit_distributions
 from hrclog.analyzers.projections.frames import INTERVALS_FRAME, check_frame
-from hrclog.analyzers.projections.intervals import is_success
+from hrclog.analyzers.projections.intervals import has_learnt_role, is_success
 from hrclog.analyzers.projections.schemas import DURATIONS
-from hrclog.events import UNKNOWN_OUTCOME, Outcome, Role
+from hrclog.events import UNKNOWN_OUTCOME, Outcome
 
 Z95: Final = 1.959963984540054
 
@@ -42,7 +42,7 @@ def durations(intervals: pl.DataFrame) -> pl.DataFrame:
     succeeded = is_success()
     seconds = pl.col("seconds").filter(succeeded)
     rows = (
-        intervals.filter(pl.col("role") != Role.AUXILIARY.value)
+        intervals.filter(has_learnt_role())
         .with_columns(((pl.col("end_ns") - pl.col("start_ns")) / 1e9).alias("seconds"))
         .sort("agent", "task", "seconds", "run_id", "execution_id")
         .group_by("agent", "task", maintain_order=True)

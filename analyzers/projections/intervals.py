@@ -16,7 +16,8 @@ from hrclog.analyzers.projections.schemas import INTERVALS
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
-from hrclog.events import COMPLETED, OUTCOME_NOT_TOLD, TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role
+from hrclog.events import COMPLETED, NOT_LEARNT, OUTCOME_NOT_TOLD, TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role
+from hrclog.log.annotations.exclusions import not_learnt
 from hrclog.log.reader import ORDER
 from hrclog.state import PLANNED, ExecutionState, apply
 from hrclog.wording import counted
@@ -84,6 +85,7 @@ def rebuild(events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
     rows = pl.concat([paired, folded, without_turned_ends(folded_by_seq)]).join(last, on="run_id", how="left")
     rows, untold = _with_untold_outcomes(_add_until(rows), ordered)
     diagnostics = [*_invalid_details(ordered), *diagnostics, *untold]
+    rows = _with_not_learnt(rows, events)
     return rows.select(INTERVALS.names()).cast(INTERVALS).sort(SORT), diagnostics
 
 
@@ -94,6 +96,16 @@ def _add_until(rows: pl.DataFrame) -> pl.DataFrame:
     open_until = pl.max_horizontal("start_ns", pl.min_horizontal("last_ns", "next_ns"))
     joined = rows.join(following, on=[*_LANE, "start_ns"], how="left", maintain_order="left")
     return joined.with_columns(pl.coalesce("end_ns", open_until).alias("until_ns"))
+
+
+def _with_not_learnt(rows: pl.DataFrame, events: pl.DataFrame) -> pl.DataFrame:
+    """Give executions from which nothing is to be learnt a role of their own; auxiliary ones are none of it anyway."""
+    keys = not_learnt(events)
+    if keys.is_empty():
+        return rows
+    marked = rows.join(keys.with_columns(pl.lit(value=True).alias("unlearnt")), on=_KEY, how="left")
+    is_meant = pl.col("unlearnt").fill_null(value=False) & (pl.col("role") != Role.AUXILIARY.value)
+    return marked.with_columns(pl.when(is_meant).then(pl.lit(NOT_LEARNT)).otherwise("role").alias("role"))
 
 
 def _with_untold_outcomes(rows: pl.DataFrame, events: pl.DataFrame) -> tuple[pl.DataFrame, list[Diagnostic]]:
@@ -130,6 +142,16 @@ def is_success() -> pl.Expr:
 def is_counted() -> pl.Expr:
     """Return which intervals count in overlaps and synergies: primary ones that are no step of another."""
     return (pl.col("role") != Role.AUXILIARY.value) & (pl.col("parent_execution_id") == "")
+
+
+def has_learnt_role() -> pl.Expr:
+    """Return which intervals durations are learnt from, steps of sequences too: primary ones."""
+    return ~pl.col("role").is_in((Role.AUXILIARY.value, NOT_LEARNT))
+
+
+def is_learnt() -> pl.Expr:
+    """Return which counted intervals estimators learn from: not those that annotations say nothing is learnt from."""
+    return is_counted() & (pl.col("role") != NOT_LEARNT)
 
 
 def top_level() -> pl.Expr:

@@ -16,7 +16,7 @@ INTERVALS: Final = pl.Schema(
         "agent": pl.String,
         "task": pl.String,
         "task_type": pl.String,
-        "role": pl.String,  # primary | auxiliary
+        "role": pl.String,  # primary | auxiliary | not_learnt (by annotation)
         "execution_id": pl.String,  # one per attempt
         "parent_execution_id": pl.String,  # set on sub-steps of a sequence
         "item_id": pl.String,  # the plan item; shared by retries
@@ -38,6 +38,29 @@ INTERVALS: Final = pl.Schema(
     }
 )
 """One row per started execution, ordered by (run_id, start_ns, until_ns, agent, task, execution_id)."""
+
+EXECUTIONS: Final = pl.Schema(
+    {
+        "run": pl.String,  # its name
+        "run_id": pl.String,
+        "agent": pl.String,
+        "task": pl.String,
+        "role": pl.String,  # primary | auxiliary
+        "attempt": pl.Int64,
+        "execution_id": pl.String,  # as in intervals
+        "start_s": pl.Float64,  # since the run's first start, as all instants here
+        "duration_s": pl.Float64,  # null while open
+        "until_s": pl.Float64,  # when it ended; of an open one, until when it is known to have lasted
+        "outcome": pl.String,  # as in intervals
+        "reason": pl.String,
+        "paused_s": pl.Float64,  # part of the duration
+        "planned_start_s": pl.Float64,
+        "planned_end_s": pl.Float64,
+    }
+)
+"""One row per execution that is no step of a sequence, in the order of the runs and of time; the long table for
+statistics. Behind `run_id` stands a column per tag of the runs, and at the end a column `beside_<agent>_s` per agent:
+the seconds during which that agent had an execution too, null for the agent itself and in runs without it."""
 
 OVERLAPS: Final = pl.Schema(
     {

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
+from hrclog.analyzers.figures.exclusions import exclusion_table
 from hrclog.analyzers.figures.plot import Page, Plot
 from hrclog.analyzers.figures.run import RunFigures
 from hrclog.analyzers.figures.run_plots import run_plots
@@ -114,7 +115,10 @@ def report(analysis: Analysis, *, runs: int = DEFAULT_RUNS, title: str = "", com
         findings=findings(analysis),
         not_drawn=figures.captions,
         sections=sections,
-        tables=tuple(page_table(table, f"table-{table.name}") for table in figures.tables),
+        tables=tuple(
+            page_table(table, f"table-{table.name}")
+            for table in (*figures.tables, *exclusion_table(analysis.exclusions))
+        ),
         sample=sample_sentence(chosen, analysis.runs.height),
         chosen=chosen,
         runs=tuple(

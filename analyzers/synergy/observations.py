@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from hrclog.analyzers.projections.crowded import without_crowded
-from hrclog.analyzers.projections.intervals import is_counted
+from hrclog.analyzers.projections.intervals import is_learnt
 from hrclog.analyzers.projections.joint_states import State, segments
 from hrclog.analyzers.synergy.pairs import in_seconds, is_finished, overlapping_pairs
 from hrclog.arrays import IntArray
@@ -86,7 +86,7 @@ def observe(intervals: pl.DataFrame) -> Observations:
         intervals: a frame of schema `INTERVALS`.
     """
     intervals = without_crowded(intervals)
-    rows = intervals.filter(is_counted()).sort(_SORT)
+    rows = intervals.filter(is_learnt()).sort(_SORT)
     cut = segments(rows, intervals)
     lengths = (cut.end_ns - cut.start_ns) / 1e9
     state_seconds = (

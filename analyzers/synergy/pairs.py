@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import is_counted, is_success
+from hrclog.analyzers.projections.intervals import is_counted, is_learnt, is_success
 from hrclog.analyzers.projections.overlaps import PAIR, overlaps, task_pairs
 from hrclog.analyzers.projections.schemas import OVERLAPS, SYNERGIES
 
@@ -30,7 +30,7 @@ _COEFFICIENTS: Final = pl.Schema(
 
 def successful(intervals: pl.DataFrame) -> pl.DataFrame:
     """Return the executions whose durations mean something: succeeded, closed, longer than nothing, and counted."""
-    return intervals.filter(is_counted() & is_finished() & (pl.col("end_ns") > pl.col("start_ns")))
+    return intervals.filter(is_learnt() & is_finished() & (pl.col("end_ns") > pl.col("start_ns")))
 
 
 def is_finished() -> pl.Expr:
@@ -46,6 +46,8 @@ def in_seconds(ns: pl.Expr) -> pl.Expr:
 def overlapping_pairs(intervals: pl.DataFrame) -> pl.DataFrame:
     """Return the ordered pairs of executions of different agents that overlap, whatever came of them.
 
+    The first is one that estimators learn from, the other any that counts.
+
     Args:
         intervals: a frame of schema `INTERVALS`.
 
@@ -54,10 +56,10 @@ def overlapping_pairs(intervals: pl.DataFrame) -> pl.DataFrame:
         `other_duration_s` and `overlap_s`; and `finished` and `other_finished`, whether they succeeded.
     """
     length = in_seconds(pl.col("until_ns") - pl.col("start_ns")).alias("duration_s")
-    sides = intervals.filter(is_counted()).select(
-        "run_id", "execution_id", "start_ns", length, is_finished().alias("finished")
-    )
-    others = sides.rename({name: f"other_{name}" for name in sides.columns if name != "run_id"})
+    columns = ("run_id", "execution_id", "start_ns", length, is_finished().alias("finished"))
+    sides = intervals.filter(is_learnt()).select(columns)
+    others = intervals.filter(is_counted()).select(columns)
+    others = others.rename({name: f"other_{name}" for name in others.columns if name != "run_id"})
     return (
         overlaps(intervals)
         .filter(pl.col("agent") != pl.col("other_agent"))

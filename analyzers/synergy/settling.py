@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.projections.intervals import is_success
+from hrclog.analyzers.projections.intervals import has_learnt_role, is_success
 from hrclog.analyzers.projections.mean_interval import half_width
 from hrclog.analyzers.projections.overlaps import PAIR
 from hrclog.analyzers.projections.schemas import SETTLING, SETTLING_DURATIONS, SYNERGIES
@@ -18,7 +18,6 @@ from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import Observations, observe
 from hrclog.analyzers.synergy.outlier_methods import Outliers
 from hrclog.analyzers.synergy.pairs import UNOBSERVED
-from hrclog.events import Role
 
 MOST_STEPS: Final = 8
 
@@ -83,7 +82,7 @@ def settle_durations(intervals: pl.DataFrame, runs: pl.DataFrame, most: int = MO
         A frame of schema `SETTLING_DURATIONS`: per step one row per (agent, task) that all runs have, sorted.
     """
     order = runs.sort("start_ns", "run_id", nulls_last=True)["run_id"].to_list()
-    primary = intervals.filter(pl.col("role") != Role.AUXILIARY.value)
+    primary = intervals.filter(has_learnt_role())
     tasks = primary.select("agent", "task").unique().sort("agent", "task")
     succeeded = primary.filter(is_success())
     samples = succeeded.select(

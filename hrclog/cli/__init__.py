@@ -16,12 +16,12 @@ from hrclog._version import __version__
 from hrclog.errors import HrclogError
 
 VERBS = {
-    "annotate": "Give runs tags afterwards, such as participant=P01.",
+    "annotate": "Say something of runs afterwards: tags, notes, what is not to count.",
     "analyze": "Durations, overlaps, synergies and pictures of recorded runs.",
     "check": "Check logs for damage and doubtful data.",
     "compare": "Compare two sets of runs.",
     "demo": "Analyse the sample runs that come with hrclog.",
-    "export": "Write events, intervals and overlaps as CSV or Parquet.",
+    "export": "Write executions and all other tables for R, SPSS and others.",
     "import": "Turn other systems' records into logs.",
     "info": "Show what a log holds.",
     "kb": "Store what was learned from runs, for planners to read.",
@@ -80,7 +80,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except HrclogError as error:
         if debug:
             raise
-        _tell(f"hrclog: error: {error}")
+        from hrclog.cli.hints import with_hint  # what it imports is not needed for --help
+
+        _tell(f"hrclog: error: {with_hint(error)}")
         return 1
     except click.ClickException as error:
         with io.StringIO() as text:

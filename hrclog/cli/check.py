@@ -6,6 +6,7 @@ import click
 
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import EXIT_FAILED, Progress, echo, json_option, logs_argument, print_json, tell
+from hrclog.cli.hints import hinted
 from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
@@ -42,7 +43,7 @@ def command(
     code = tell(findings, info=True)
     counts = {severity: sum(f.severity == severity for f in findings) for severity in ("error", "warning", "info")}
     if as_json:
-        print_json({"diagnostics": [finding.as_dict() for finding in findings], "counts": counts})
+        print_json({"diagnostics": [finding.as_dict() for finding in hinted(findings)], "counts": counts})
     else:
         n_executions = int(table["n_executions"].sum())
         runs_held, events_held = counted(table.height, "run"), counted(read.events.height, "event")

@@ -143,19 +143,26 @@ def print_json(value: Any, *, indent: int | None = 2) -> None:
     echo_json(json.dumps(value, ensure_ascii=False, indent=indent, allow_nan=False))
 
 
-def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False) -> int:
-    """Print findings on standard error, the first few of each kind, and return the exit code they ask for."""
-    from hrclog.diagnostic import loses_data
+def tell(diagnostics: Iterable[Diagnostic], *, info: bool = False, hints: bool = True) -> int:
+    """Print findings on standard error, the first few of each kind, and return the exit code they ask for.
+
+    Args:
+        diagnostics: the findings.
+        info: facts too.
+        hints: say of files that are no logs which command imports them.
+    """
+    from hrclog.cli.hints import hinted
+    from hrclog.diagnostic import ALWAYS_TOLD, loses_data
 
     rank = {"error": 0, "warning": 1, "info": 2}
     ordered = sorted(diagnostics, key=lambda diagnostic: rank[diagnostic.severity])
     shown: Counter[str] = Counter()
     for diagnostic in ordered:
-        if diagnostic.severity == "info" and not info:
+        if diagnostic.severity == "info" and not info and diagnostic.code not in ALWAYS_TOLD:
             continue
         shown[diagnostic.code] += 1
         if shown[diagnostic.code] <= _SHOWN_PER_CODE:
-            echo(str(diagnostic), err=True)
+            echo(str(*(hinted([diagnostic]) if hints else [diagnostic])), err=True)
     for code, count in shown.items():
         if count > _SHOWN_PER_CODE:
             echo(f"... and {count - _SHOWN_PER_CODE} more [{code}]", err=True)

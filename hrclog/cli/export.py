@@ -17,7 +17,10 @@ from hrclog.wording import counted
 if TYPE_CHECKING:
     from hrclog.analyzers.exporters.exporter import Exporter
 
-TABLES = ("events", "intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics", "signals")
+TABLES = (
+    "events", "intervals", "executions", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics",
+    "signals",
+)  # fmt: skip
 
 
 @click.command(name="export")
@@ -52,9 +55,10 @@ def command(
     conditions: tuple[str, ...],
     as_json: bool,
 ) -> int:
-    """Write events, intervals, overlaps, durations, synergies, runs, metrics and signals as CSV or Parquet.
+    """Write events, intervals, executions, overlaps, durations, synergies, runs, metrics and signals as tables.
 
-    Instants are whole nanoseconds, durations seconds. The columns are described in docs/tables.md.
+    The table executions is the long one for statistics. Instants are whole nanoseconds, durations seconds. The columns
+    are described in docs/tables.md.
 
     \b
     Example:

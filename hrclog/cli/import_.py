@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
 from hrclog.cli.common import Progress, echo, echo_lines, print_json, table, tell
+from hrclog.cli.hints import joined, other_importer_line
 from hrclog.cli.tag_option import import_tag_option
+from hrclog.errors import HrclogError, ImportDataError
 from hrclog.recorders.importers.importer import Imported, Importer, Option, Remark
 from hrclog.recorders.importers.importers import IMPORTERS
-from hrclog.wording import counted
+from hrclog.wording import agree, counted, share
+
+_DRY_RUN: Final = Option("dry_run", "Say what would be imported, and write no log.", bool, False)
 
 
 class Importers(click.Group):
@@ -46,7 +50,7 @@ def _command(importer: Importer) -> click.Command:
             click.Option(["-o", "--output"], type=click.Path(path_type=Path), help="Folder for the logs."),
             *map(_option, importer.options),
             *([] if _takes_tags(importer) else [import_tag_option()]),
-            *([_DRY_RUN] if importer.may_only_show else []),
+            _option(_DRY_RUN),
             click.Option(["--json", "as_json"], is_flag=True, help="Print the result as JSON on standard output."),
         ],
     )
@@ -67,9 +71,13 @@ def _option(option: Option) -> click.Option:
     )
 
 
-def _answer(imported: Imported, folder: Path | None) -> list[str]:
+def _answer(imported: Imported, folder: Path | None, n_sources: int) -> list[str]:
     """Return the lines that say what was imported; without a folder, what would be."""
     counts = f"{counted(len(imported.runs), 'run')}, {counted(imported.n_executions, 'execution')}"
+    n_failed = len({finding.path for finding in imported.diagnostics if finding.code == "unreadable_file"})
+    if n_failed and n_sources > 1:
+        failed = share(min(n_failed, n_sources), n_sources, "file")
+        counts = f"{failed} could not be read, and {agree(n_failed, 'its', 'their')} runs are missing: {counts}"
     reading = imported.reading
     logs = (
         "no log written: -o FOLDER writes them"
@@ -81,45 +89,56 @@ def _answer(imported: Imported, folder: Path | None) -> list[str]:
     return [f"{counts}; {reading.text}", *reading.lines.splitlines(), logs]
 
 
-_DRY_RUN = click.Option(["--dry-run"], is_flag=True, help="Say what would be imported, and write no log.")
-
-
 def _callback(importer: Importer) -> Any:
-    def run(
+    def run(sources: Sequence[Path], output: Path | None, as_json: bool, **options: Any) -> int:
+        try:
+            return do_import(sources, output, as_json, **options)
+        except ImportDataError as error:
+            other = other_importer_line(error.path, importer.name)
+            if other:
+                raise HrclogError(joined(str(error), other)) from error
+            raise
+
+    def do_import(
         sources: Sequence[Path], output: Path | None, as_json: bool, *, dry_run: bool = False, **options: Any
     ) -> int:
         from hrclog.recorders.importers.writing import import_files
 
-        preview = importer.preview(sources, **options)
-        if preview is not None:
-            _show(preview, as_json=as_json)
-            return 0
-        if output is None and not importer.may_only_show:
-            raise click.MissingParameter(param_hint="'-o' / '--output'", param_type="option")
-        importing = Progress("importing runs")
-        folder = None if dry_run else output
-        imported = import_files(importer, sources, folder, importing, **options)
-        importing.done()
+        only_shows = any(options[option.name] for option in importer.options if option.only_shows)
+        if output is None or dry_run or only_shows:
+            shown = importer.preview(sources, **options)
+            if isinstance(shown, Remark):
+                _show(shown, as_json=as_json)
+                return 0
+            if shown is None and not dry_run:
+                raise click.MissingParameter(param_hint="'-o' / '--output'", param_type="option")
+            imported, output = shown or import_files(importer, sources, None, **options), None
+        else:
+            importing = Progress("importing runs")
+            imported = import_files(importer, sources, output, importing, **options)
+            importing.done()
         remark = importer.remark(imported, **options)
         if as_json:
-            print_json(
-                {
-                    "n_runs": len(imported.runs),
-                    "n_executions": imported.n_executions,
-                    "written": [str(path) for path in imported.written],
-                    "unchanged": [str(path) for path in imported.unchanged],
-                    **imported.reading.values,
-                    **remark.values,
-                    "diagnostics": [diagnostic.as_dict() for diagnostic in imported.diagnostics],
-                }
-            )
+            print_json(_values(imported, remark))
         else:
-            for line in _answer(imported, folder):
+            for line in _answer(imported, output, len(sources)):
                 echo(line)
             _show(remark)
-        return tell(imported.diagnostics)
+        return tell(imported.diagnostics, hints=False)
 
     return run
+
+
+def _values(imported: Imported, remark: Remark) -> dict[str, Any]:
+    return {
+        "n_runs": len(imported.runs),
+        "n_executions": imported.n_executions,
+        "written": [str(path) for path in imported.written],
+        "unchanged": [str(path) for path in imported.unchanged],
+        **imported.reading.values,
+        **remark.values,
+        "diagnostics": [diagnostic.as_dict() for diagnostic in imported.diagnostics],
+    }
 
 
 def _show(remark: Remark, *, as_json: bool = False) -> None:

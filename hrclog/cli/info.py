@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import click
 
 from hrclog.cli.clock_option import clock_option
 from hrclog.cli.common import echo, echo_lines, json_option, logs_argument, number, print_json, printable, table, tell
+from hrclog.cli.hints import hinted, import_line
 from hrclog.cli.where_option import where_option
 from hrclog.wording import counted
 
@@ -17,9 +19,15 @@ if TYPE_CHECKING:
     from hrclog.diagnostic import Diagnostic
     from hrclog.log.mcap.describe import Description
     from hrclog.log.reader import Logs
+    from hrclog.log.topics import PartFacts
+
+Parts: TypeAlias = "dict[Path, PartFacts]"
+"""What the files of a recording are."""
 
 _MOST_DESCRIBED: Final = 3
 """Files whose channels the text lists; more would hide the table of runs."""
+
+_KINDS: Final = {"MCAP": "MCAP", "OTHER": "MCAP", "SQLITE": "SQLite of ROS 2", "ROS1": "bag of ROS 1"}
 
 
 @click.command(name="info")
@@ -30,7 +38,8 @@ _MOST_DESCRIBED: Final = 3
 def command(logs: tuple[str, ...], clocks: dict[str, int], conditions: tuple[str, ...], as_json: bool) -> int:
     """Show what logs hold: files, runs, agents, events, span, and whether they were closed.
 
-    Describes any MCAP file: profile, channels, schemas, times, chunks, compression, indexes, attachments, metadata.
+    Lists the topics of any recording - MCAP, ROS 2 or ROS 1 bag - with types and numbers of messages, and describes any
+    MCAP file: profile, channels, schemas, times, chunks, compression, indexes, attachments, metadata.
 
     \b
     Example:
@@ -39,60 +48,75 @@ def command(logs: tuple[str, ...], clocks: dict[str, int], conditions: tuple[str
     from hrclog.log.reader import read_logs
 
     read = read_logs(logs, signals=True, clocks=clocks, where=conditions)
-    described = {file: facts for path in read.paths for file in _files_of(path) if (facts := _described(file))}
-    diagnostics = _diagnostics(read, described)
+    recordings = {path: _described(path) for path in read.paths}
+    diagnostics = _diagnostics(read, recordings)
     files, runs = _files(read), _runs(read)
     if as_json:
         print_json(
             {
                 "files": files,
                 "runs": runs,
-                "mcap": [{"path": str(path), **facts.as_dict()} for path, facts in described.items()],
-                "diagnostics": [finding.as_dict() for finding in diagnostics],
+                "recordings": [_as_dict(path, parts) for path, parts in recordings.items() if parts],
+                "mcap": [
+                    {"path": str(file), **part.description.as_dict()}
+                    for parts in recordings.values()
+                    for file, part in parts.items()
+                    if part.description
+                ],
+                "diagnostics": [finding.as_dict() for finding in hinted(diagnostics)],
             }
         )
     else:
         echo_lines(_file_table(files))
         if len(files) <= _MOST_DESCRIBED:
-            for path, facts in described.items():
-                echo()
-                echo_lines(_described_text(path, facts))
+            for path, parts in recordings.items():
+                if parts:
+                    _show_recording(path, parts)
+        else:
+            echo()
+            echo(f"(topics are shown of up to {_MOST_DESCRIBED} logs at a time; --json lists all)")
         if runs:
             echo()
             echo_lines(_run_table(runs))
     return tell(diagnostics)
 
 
-def _files_of(path: Path) -> list[Path]:
-    """Return the file itself, or the MCAP files of a bag folder."""
-    return [path] if path.is_file() else sorted(path.glob("*.mcap"))
+def _described(path: Path) -> Parts:
+    """Return what each file of a recording is, those left out that cannot be read."""
+    from hrclog.log.topics import part_facts, parts_at
+
+    return {file: facts for file in parts_at(path) if (facts := part_facts(file))}
 
 
-def _described(path: Path) -> Description | None:
-    """Return what a file is, None if it is no MCAP file that can be read."""
-    from hrclog.errors import LogReadError
-    from hrclog.log.files.unpack import load
-    from hrclog.log.mcap.describe import describe
+def _as_dict(path: Path, parts: Parts) -> dict[str, Any]:
+    from hrclog.log.topics import all_topics
 
-    try:
-        file = load(path)
-        return describe(file.data, file.budget)
-    except LogReadError:
-        return None
+    topics = all_topics(parts.values())
+    return {
+        "path": str(path),
+        "formats": sorted({part.kind.name.lower() for part in parts.values()}),
+        "n_messages": sum(facts.n_messages for facts in topics),
+        "topics": [asdict(facts) for facts in topics],
+    }
 
 
-def _diagnostics(read: Logs, described: dict[Path, Description]) -> list[Diagnostic]:
+def _diagnostics(read: Logs, recordings: dict[Path, Parts]) -> list[Diagnostic]:
     """Return what reading found, and damage where only the description looks; a file may be without our events."""
     from hrclog.diagnostic import Diagnostic
 
-    paths = {str(path) for file in described for path in (file, file.parent)}
-    findings = [finding for finding in read.diagnostics if finding.code != "no_events" or finding.path not in paths]
+    paths = {str(path) for path, parts in recordings.items() if parts}
+    findings = [
+        finding
+        for finding in read.diagnostics
+        if finding.code not in ("no_events", "not_imported") or finding.path not in paths
+    ]
     damaged = {finding.path for finding in findings if finding.severity == "error"}
     findings += [
-        Diagnostic(problem.code, problem.message, str(path), offset=problem.offset)
-        for path, facts in described.items()
-        for problem in facts.problems
-        if str(path) not in damaged
+        Diagnostic(problem.code, problem.message, str(file), offset=problem.offset)
+        for parts in recordings.values()
+        for file, part in parts.items()
+        if part.description and str(file) not in damaged
+        for problem in part.description.problems
     ]
     return findings
 
@@ -136,6 +160,32 @@ def _file_table(files: list[dict[str, Any]]) -> str:
     return table(("file", "bytes", "events", "closed"), rows)
 
 
+def _show_recording(path: Path, parts: Parts) -> None:
+    """Print what a recording is: few MCAP files one by one, else the topics of all together; and how to import it."""
+    from hrclog.log.messages.channels import EVENTS_TOPIC
+    from hrclog.log.topics import all_topics
+
+    topics = all_topics(parts.values())
+    descriptions = {file: part.description for file, part in parts.items() if part.description}
+    if len(descriptions) == len(parts) <= _MOST_DESCRIBED:
+        for file, description in descriptions.items():
+            echo()
+            echo_lines(_described_text(file, description))
+    else:
+        kinds = " and ".join(sorted({_KINDS[part.kind.name] for part in parts.values()}))
+        n_messages = counted(sum(facts.n_messages for facts in topics), "message")
+        n_parts = f", {counted(len(parts), 'file')}" if path.is_dir() else ""
+        echo()
+        echo(f"{path}: {kinds}{n_parts}, {n_messages}")
+        if topics:
+            echo()
+            echo_lines(_topic_table([(t.topic, t.type or "none", t.encoding, str(t.n_messages)) for t in topics]))
+    if topics and not any(facts.topic.endswith(EVENTS_TOPIC) for facts in topics):
+        line = import_line(path, logs_too=True)
+        echo()
+        echo(f"no events of hrclog in it; import it with `{line}`")
+
+
 def _described_text(path: Path, facts: Description) -> str:
     """Return the main facts of a file as lines of text, and a table of its channels."""
     chunks = ", ".join(
@@ -172,6 +222,10 @@ def _channel_table(facts: Description) -> str:
         (channel.topic, channel.schema or "none", channel.message_encoding, str(channel.n_messages))
         for channel in facts.channels
     ]
+    return _topic_table(rows)
+
+
+def _topic_table(rows: list[tuple[str, str, str, str]]) -> str:
     return table(("topic", "type", "encoding", "messages"), rows, lambda i: i == 3)
 
 

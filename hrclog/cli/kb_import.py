@@ -14,9 +14,9 @@ from hrclog.events import Event, RunStarted
 from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.exchange import import_json, is_export
-from hrclog.recorders.importers.mongo import run_events
 from hrclog.recorders.importers.mongo_dump import document_id, read_task_results
 from hrclog.recorders.importers.mongo_outcomes import Outcomes
+from hrclog.recorders.importers.mongo_runs import run_events
 
 Method = tuple[str | None, str | None]
 """Estimator and outliers, None for what the knowledge base has."""

@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import io
+import os
 import signal
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import click
 
-from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FINE, echo, json_option, print_json
+from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.cli.tag_option import tag_option
+from hrclog.json_text import EVENT_JSON
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from hrclog.events import Event
-    from hrclog.recorders.json_lines import Sample
-    from hrclog.recorders.stdin import Hooks, Recorded, Recording, Refused
+    from hrclog.recorders.line_run import Recorded
+    from hrclog.recorders.sample_lines import Sample
+    from hrclog.recorders.stdin import Hooks, Recording, Refused
+
+
+MAX_CHARACTERS: Final = EVENT_JSON.n_bytes
+"""Longest line; of a longer one the end is not read, and so it is refused."""
 
 
 class _Stop(Exception):  # noqa: N818 - a request, not an error
@@ -53,7 +61,7 @@ class _Input:
     def _next(self) -> str:
         try:
             self._waiting = True
-            return "" if self.stopped else sys.stdin.readline()
+            return "" if self.stopped else _line()
         except _Stop:
             return ""
         finally:
@@ -63,6 +71,15 @@ class _Input:
         self.stopped = True
         if self._waiting:  # elsewhere an event is being written, which must not be interrupted
             raise _Stop
+
+
+def _line() -> str:
+    """Return the next line of standard input; of one that is too long only its beginning, so that memory suffices."""
+    line = rest = sys.stdin.readline(MAX_CHARACTERS)
+    while len(rest) == MAX_CHARACTERS and not rest.endswith("\n"):
+        rest = sys.stdin.readline(MAX_CHARACTERS)
+        line = f"{line[:MAX_CHARACTERS]}…"
+    return line
 
 
 @click.command(name="record")
@@ -86,10 +103,11 @@ def command(
 ) -> int:
     """Record a run from JSON lines on standard input, until it closes.
 
-    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names; or a sample of signals: kind
-    signal, `name` and `value`, or `values` by name. `time_ns` defaults to now; a first line of kind run_started may
-    name the run; a task_ended without `execution_id` ends the open execution of that agent and task. A further
-    run_started begins another run, in a log of its own: OUT-run2.mcap, OUT-run3.mcap and so on. A line that cannot be
+    Each line is one event: `kind`, `agent`, `task`, and what else docs/events.md names; or a sample, of kind signal,
+    joints, pose, scene or description: docs/recording.md. `time_ns` defaults to now; a first line of kind run_started
+    may name the run, and give its tags; a task_ended without `execution_id` ends the open execution of that agent and
+    task. A further run_started begins another run, in a log of its own: OUT-run2.mcap, OUT-run3.mcap and so on; so does
+    a new `run` or `run_id` in any line, and runs that lines name so may go on side by side. A line that cannot be
     recorded is reported with its number, and the rest goes on (exit code 3).
 
     \b
@@ -113,9 +131,15 @@ def command(
         if as_json:
             print_json(_as_json(result))
         elif result.refused:
-            echo(f"{counted(len(result.refused), 'line')} refused", err=True)
+            _say(f"{counted(len(result.refused), 'line')} refused")
         code = following.catch_up(" ".join(map(str, tale.logs)))
-    return max(code, EXIT_DATA_LOST if result.refused or result.losses else EXIT_FINE)
+    return max(code, tale.code, EXIT_DATA_LOST if result.refused or result.losses else EXIT_FINE)
+
+
+def _say(text: str) -> None:
+    """Print a line on standard error; that nobody reads it any more must not end the recording."""
+    with suppress(OSError):
+        echo(text, err=True)
 
 
 class _Tale:
@@ -129,6 +153,7 @@ class _Tale:
 
     def __init__(self, path: Path, following: Following, *, ack: bool) -> None:
         self.logs: list[Path] = []
+        self.code = EXIT_FINE
         self._path = path
         self._following = following
         self._ack = ack
@@ -145,29 +170,40 @@ class _Tale:
 
     def sample(self, sample: Sample) -> None:
         """Acknowledge a sample."""
-        self._acknowledge({"signals": list(sample.values)})
+        from hrclog.recorders.sample_lines import SAMPLE_KINDS
+
+        self._acknowledge({SAMPLE_KINDS[sample.kind].plural: list(sample.names)})
 
     def refusal(self, refused: Refused) -> None:
         """Say why a line was refused."""
-        echo(f"error: line {refused.line}: {refused.reason}", err=True)
+        _say(f"error: line {refused.line}: {refused.reason}")
         self._acknowledge({"line": refused.line, "error": refused.reason})
 
     def loss(self, text: str) -> None:
         """Say what was lost of the run before it was resumed."""
-        echo(f"error: {text}", err=True)
+        _say(f"error: {text}")
 
     def run(self, recorded: Recorded) -> None:
         """Say where a finished run is, and let the knowledge base take it in."""
         samples = f", {counted(recorded.n_samples, 'sample')}" if recorded.n_samples else ""
-        echo(f"{recorded.path}: {counted(recorded.n_events, 'event')}{samples} recorded", err=True)
-        segments = _segments(recorded.path if self.logs else self._path)
+        _say(f"{recorded.path}: {counted(recorded.n_events, 'event')}{samples} recorded")
+        for remark in recorded.remarks:
+            _say(f"warning: {recorded.path}: {remark}")
+        segments = _segments(recorded.path if recorded.number > 1 else self._path)
         self.logs += segments
         self._following.take(segments)
 
     def _acknowledge(self, reply: dict[str, object]) -> None:
-        if self._ack:
+        if not self._ack:
+            return
+        try:
             print_json(reply, indent=None)
-            sys.stdout.flush()
+        except OSError as error:  # whoever read them has gone, or the disk is full; recording goes on
+            self._ack = False
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # for what is left in the buffer
+            reason = error.strerror or str(error)
+            _say(f"warning: lines are acknowledged no more, for standard output cannot be written ({reason})")
+            self.code = EXIT_FINE if isinstance(error, BrokenPipeError) else EXIT_FAILED
 
 
 def _segments(path: Path) -> list[Path]:

@@ -22,7 +22,7 @@ def command(journals: tuple[Path, ...], output: Path | None, as_json: bool) -> i
     """Close logs whose recorder was killed: every event that can be read, nothing invented.
 
     NAME.mcap.partial becomes NAME.mcap. Of a damaged log a NAME.recovered.mcap is written beside it, which keeps saying
-    what was lost. Folders mean the journals in them.
+    what was lost. Folders mean the journals in them, to any depth.
 
     \b
     Example:
@@ -80,8 +80,20 @@ def _as_dict(result: Recovered) -> dict[str, Any]:
 
 
 def _sources(path: Path) -> list[Path]:
-    from hrclog.log.files.discover import is_journal_name, is_log_name
+    """Return the file itself, or the journals of a folder to any depth, those of bags too."""
+    from hrclog.log.files.discover import find_logs
+    from hrclog.log.files.names import is_journal_name
 
     if not path.is_dir():
         return [path]
-    return sorted(entry for entry in path.glob("*") if is_log_name(entry.name) and is_journal_name(entry.name))
+    return [file for log in find_logs([path]) for file in _files_of(log) if is_journal_name(file.name)]
+
+
+def _files_of(log: Path) -> list[Path]:
+    from hrclog.errors import LogReadError
+    from hrclog.log.bags.folder import is_bag, open_bag
+
+    try:
+        return open_bag(log).parts if is_bag(log) else [log]
+    except LogReadError:  # a bag that has lost all its parts: there is nothing to close
+        return []

@@ -27,7 +27,7 @@ def summary(analysis: Analysis, output: Path, drawn: int) -> str:
         f" ({drawn} of {counted(runs, 'run')}, evenly spread; --recordings all draws each)" if drawn < runs else ""
     )
     parts.append(
-        f"Written to {output}: analysis.json, *.parquet, analysis.rrd, runs/*.rrd{selection}\n"
+        f"Written to {output}: analysis.json, executions.csv, *.parquet, analysis.rrd, runs/*.rrd{selection}\n"
         f"Look at it: hrclog view {output}"
     )
     return "\n\n".join(part for part in parts if part)

@@ -16,8 +16,9 @@ from hrclog.events import COLUMNS, RunEnded, RunStarted
 from hrclog.knowledge.properties import TaskProperties, declared_properties, snapshot_id
 from hrclog.knowledge.rows import clean, clean_text
 from hrclog.knowledge.tables import RESULT_ORDER, TASK_RESULTS
+from hrclog.log.annotations.said import said_in
 from hrclog.log.reader import ORDER
-from hrclog.log.remarks import without_said
+from hrclog.log.remarks import said_among, without_said
 
 _TOTAL_ORDER: Final = (*ORDER, *(name for name in COLUMNS if name not in ORDER))
 _UNSET: Final = (None, "")
@@ -97,14 +98,23 @@ def _parts(frame: pl.DataFrame) -> dict[str, pl.DataFrame]:
 def _version(events: pl.DataFrame) -> Version:
     """Return the version of one run.
 
-    Unset columns do not count, so that further columns change nothing; nor does what was said of the run afterwards.
+    Unset columns do not count, so that further columns change nothing; nor do tags and notes that were said of the run
+    afterwards. What was said to count no longer, or again, is behind the digest: the more was said, the later it is.
     """
-    events = without_said(events)
+    recorded = without_said(events)
+    digest = _digest(recorded)
+    said = said_among(events)
+    judging = said.filter([bool(said_in(details).judgements) for details in said["details"]])
+    suffix = f":{judging.height:06}-{_digest(judging)[:16]}" if judging.height else ""
+    return Version(recorded.height, digest + suffix)
+
+
+def _digest(events: pl.DataFrame) -> str:
     sha = hashlib.sha256()
     for values in events.select(COLUMNS).iter_rows():
         fields = {name: value for name, value in zip(COLUMNS, values, strict=True) if value not in _UNSET}
         sha.update(json.dumps(fields, ensure_ascii=False, sort_keys=True).encode() + b"\n")
-    return Version(events.height, sha.hexdigest())
+    return sha.hexdigest()
 
 
 def _record(run_id: str, events: pl.DataFrame, version: Version, results: pl.DataFrame) -> RunRecord:

@@ -10,8 +10,8 @@ import polars as pl
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.log.bags.folder import open_bag
-from hrclog.log.files.discover import BAG_METADATA, plain_name
 from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error
+from hrclog.log.files.names import BAG_METADATA, plain_name
 from hrclog.log.files.unpack import load
 from hrclog.log.limits import Budget
 from hrclog.log.losses import NO_FOOTER, recorded_remarks

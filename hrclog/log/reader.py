@@ -6,6 +6,7 @@ diagnostic, and one bad file never hides the others.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,14 +16,16 @@ from typing import Final
 import polars as pl
 
 from hrclog.diagnostic import Diagnostic
-from hrclog.errors import LogReadError
+from hrclog.errors import LogReadError, NoLogError
 from hrclog.log.annotations.beside import with_annotations
+from hrclog.log.annotations.exclusions import Exclusion, Judged, excluded_runs, exclusion_diagnostics, judged
 from hrclog.log.bags.folder import is_bag
 from hrclog.log.checks import check_events, check_given_numbers, usable, without_copies
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks, on_one_clock
-from hrclog.log.files.discover import find_logs, unread_logs
+from hrclog.log.files.discover import Discovery, discover
 from hrclog.log.files.system import exists
 from hrclog.log.losses import annotated_losses
+from hrclog.log.messages.channels import EVENTS_TOPIC
 from hrclog.log.messages.decode import EVENT_COLUMNS
 from hrclog.log.messages.failures import Complain
 from hrclog.log.messages.message import EVENTS
@@ -40,14 +43,17 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
 
 _MOST_TOPICS: Final = 20  # that a message lists
+_NO_TOPICS: Final = "it has no topics"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Logs:
     """What a set of files holds.
 
     `events` has the columns of `hrclog.log.messages.message.EVENTS` in the order `ORDER`; `signals` has
-    `SIGNAL_COLUMNS`. Signals and scene are empty unless they were asked for.
+    `SIGNAL_COLUMNS`. Signals and scene are empty unless they were asked for. `excluded` are the events of executions
+    that annotations exclude, and `exclusions` what these say; of whole runs that they exclude nothing else is here.
+    `is_foreign` tells of a single recording that it is whole and has topics, and none of events.
     """
 
     events: pl.DataFrame
@@ -55,6 +61,18 @@ class Logs:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     paths: list[Path] = field(default_factory=list)
     scene: RecordedScene = field(default_factory=RecordedScene)
+    excluded: pl.DataFrame = field(default_factory=EVENTS.to_frame)
+    exclusions: list[Exclusion] = field(default_factory=list)
+    is_foreign: bool = False
+
+    def __repr__(self) -> str:
+        facts = [
+            counted(self.events["run_id"].n_unique(), "run"),
+            counted(self.events.height, "event"),
+            *([f"{counted(self.signals.height, 'sample')} of signals"] if self.signals.height else []),
+            *([counted(len(self.diagnostics), "diagnostic")] if self.diagnostics else []),
+        ]
+        return f"<hrclog.Logs: {', '.join(facts)}>"
 
 
 def read_logs(
@@ -64,6 +82,7 @@ def read_logs(
     on_file: Callable[[Path], None] = lambda _: None,
     clocks: Clocks = NO_CLOCKS,
     where: Where = ALL_RUNS,
+    with_excluded: bool = False,
 ) -> Logs:
     """Read logs, folders and globs.
 
@@ -73,21 +92,22 @@ def read_logs(
         on_file: called after each file, for progress.
         clocks: by agent, how far its clock is ahead, in ns or as a text (+3600s); that is taken off its times.
         where: which runs, by their tags: texts such as participant=P01 or condition!=pilot, or values by key.
+        with_excluded: also what annotations exclude, among all else.
 
     Raises:
         LogReadError: nothing matched, or no file could be read at all.
         HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
     """
-    arguments = _listed(arguments)
-    paths = _find_paths(arguments)
-    parts, failures = _read_all(paths, on_file, signals=signals)
+    discovery = _discover(_listed(arguments))
+    parts, failures = _read_all(discovery, on_file, signals=signals)
     if len(failures) == 1 and not parts:
         raise failures[0]
     if not parts:
         failure_text = f"{len(failures)} files that cannot be read, the first: {failures[0]}"
-        raise LogReadError(paths[0].parent, failure_text, "at least one log")
-    logs = _combine(parts, failures, clocks, conditions(where))
-    notes = [Diagnostic("unread_logs", text, str(path)) for path, text in unread_logs(arguments, paths)]
+        raise LogReadError(failures[0].path.parent, failure_text, "at least one log") from failures[0]
+    counting = _without_foreign(parts, discovery.named)
+    logs = _combine(counting, failures, clocks, conditions(where), with_excluded=with_excluded)
+    notes = [Diagnostic("unread_logs", text, str(path)) for path, text in discovery.unread]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 
@@ -109,7 +129,7 @@ def read_events(
         LogReadError: nothing matched, or a file cannot be read; `read_logs` reads past such files.
         HrclogError: no event names an agent of `clocks`, or an offset is none; or no run is as `where` says.
     """
-    parts, failures = _read_all(_find_paths(_listed(paths)))
+    parts, failures = _read_all(_discover(_listed(paths)))
     if failures:
         raise failures[0]
     return _combine(parts, [], clocks, conditions(where)).events
@@ -133,26 +153,57 @@ def _listed(arguments: object) -> list[str | Path]:
     return paths
 
 
-def _find_paths(arguments: list[str | Path]) -> list[Path]:
-    paths = find_logs(arguments)
-    if not paths:
+def _discover(arguments: list[str | Path]) -> Discovery:
+    """Find the logs.
+
+    Raises:
+        LogReadError: there is none.
+    """
+    discovery = discover(arguments)
+    if not discovery.logs and not discovery.unreadable:
         names = ", ".join(map(str, arguments)) or "no argument"
-        raise LogReadError(names, "no log", "paths, folders or globs of .mcap files")
-    return paths
+        remedy = "; ".join(f"{path}: {text}" for path, text in discovery.unread)
+        raise NoLogError(names, "no log", "paths, folders or globs of .mcap files", remedy)
+    return discovery
 
 
 def _read_all(
-    paths: list[Path], on_file: Callable[[Path], None] = lambda _: None, *, signals: bool = False
+    discovery: Discovery, on_file: Callable[[Path], None] = lambda _: None, *, signals: bool = False
 ) -> tuple[list[Logs], list[LogReadError]]:
     parts: list[Logs] = []
-    failures: list[LogReadError] = []
-    for path in paths:
+    failures = [
+        LogReadError(folder, f"a folder that cannot be opened ({reason})", "one to be searched for logs")
+        for folder, reason in discovery.unreadable
+    ]
+    for path in discovery.logs:
         try:
             parts.append(_annotated(read_log(path, signals=signals), path))
         except LogReadError as error:
             failures.append(error)
         on_file(path)
     return parts, failures
+
+
+def _without_foreign(parts: list[Logs], named: frozenset[Path]) -> list[Logs]:
+    """Make mere notes of recordings of another system that lie in a folder beside logs with events: none is lost."""
+    if not any(part.events.height for part in parts):
+        return parts
+    return [
+        replace(part, diagnostics=[_as_note(finding) for finding in part.diagnostics])
+        if part.is_foreign and named.isdisjoint(part.paths)
+        else part
+        for part in parts
+    ]
+
+
+def tells_of_another_system(finding: Diagnostic) -> bool:
+    """Return whether a finding tells of a recording with topics, of which none is of events."""
+    is_about_topics = finding.code in ("no_events", "not_imported") and _NO_TOPICS not in finding.message
+    return is_about_topics and f"{EVENTS_TOPIC} (" not in finding.message
+
+
+def _as_note(finding: Diagnostic) -> Diagnostic:
+    return replace(finding, code="not_imported") if finding.code == "no_events" else finding
 
 
 def _annotated(log: Logs, path: Path) -> Logs:
@@ -171,6 +222,8 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     diagnostics: list[Diagnostic] = []
     complain = complaints(path, diagnostics)
     if not exists(path):
+        if os.path.islink(path):  # noqa: PTH114 - that of a path fails on names that are too long
+            raise LogReadError(path, f"a link to {path.readlink()}, which is not there", "an event log")
         journal = journal_path(path)
         remedy = f"its recorder was killed: hrclog recover {journal}" if exists(journal) else "check the path"
         raise LogReadError(path, "nothing", "an event log", remedy)
@@ -183,8 +236,10 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     for text in texts:
         complain("no_run_id", text, None)
     events = _stacked(frames, EVENT_COLUMNS).with_columns(pl.lit(str(path)).alias("path"))
+    is_foreign = False
     if events.is_empty() and not any(diagnostic.severity == "error" for diagnostic in diagnostics):
         topics = sum((content.topics for content in decoded.values()), Counter[tuple[str, str]]())
+        is_foreign = bool(topics) and not any(topic.endswith(EVENTS_TOPIC) for topic, _ in topics)
         complain("no_events", f"the log carries no task events; {_topics_text(topics)}", None)
     is_nameless = any(diagnostic.code == "no_run_id" for diagnostic in diagnostics)
     run_ids = events["run_id"].unique().to_list()
@@ -197,7 +252,7 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
         samples.append(_samples(content.signals, run_id, is_nameless=is_nameless))
         scenes.append(recorded_scene(content.scene, run_id, lambda text: complain("invalid_scene", text, None)))
     scene = scenes[0] if len(scenes) == 1 else merged(scenes)
-    return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene)
+    return Logs(events, _stacked(samples, SIGNAL_COLUMNS), diagnostics, [path], scene, is_foreign=is_foreign)
 
 
 def _stacked(frames: list[pl.DataFrame], schema: pl.Schema) -> pl.DataFrame:
@@ -240,7 +295,7 @@ def _topics_text(topics: Mapping[tuple[str, str], int]) -> str:
         for (topic, kind), count in sorted(topics.items())[:_MOST_TOPICS]
     ]
     if not listed:
-        return "it has no topics"
+        return _NO_TOPICS
     others = len(topics) - len(listed)
     return f"it has {', '.join(listed)}{f' and {others} more topics' if others else ''}"
 
@@ -289,6 +344,16 @@ def _selected(parts: list[Logs], wanted: tuple[Condition, ...]) -> list[Logs]:
     return [_of_runs(part, chosen) for part in parts]
 
 
+def _without_excluded_runs(parts: list[Logs]) -> tuple[list[Logs], list[Exclusion]]:
+    """Leave out runs that annotations exclude, and what is doubtful about their files; return what these say too."""
+    exclusions = [entry for part in parts for entry in excluded_runs(part.events)]
+    if not exclusions:
+        return parts, []
+    runs = {run for part in parts for run in part.events["run_id"].unique()}
+    kept = runs - {entry.run_id for entry in exclusions}
+    return [_of_runs(part, kept) for part in parts], exclusions
+
+
 def _of_runs(part: Logs, chosen: set[str]) -> Logs:
     is_chosen = pl.col("run_id").is_in(sorted(chosen))
     events = part.events.filter(is_chosen)
@@ -302,9 +367,18 @@ def _of_runs(part: Logs, chosen: set[str]) -> Logs:
     return Logs(events, part.signals.filter(is_chosen), diagnostics, paths, part.scene.only(chosen))
 
 
-def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks, wanted: tuple[Condition, ...]) -> Logs:
+def _combine(
+    parts: list[Logs],
+    failures: list[LogReadError],
+    clocks: Clocks,
+    wanted: tuple[Condition, ...],
+    *,
+    with_excluded: bool = False,
+) -> Logs:
     # the result does not depend on the order of the arguments
     parts = _join_splits(sorted(parts, key=lambda part: part.paths))
+    counting, exclusions = _without_excluded_runs(parts)
+    parts = parts if with_excluded else counting
     if wanted:
         parts = _selected(parts, wanted)
     diagnostics = [diagnostic for part in parts for diagnostic in part.diagnostics]
@@ -322,6 +396,10 @@ def _combine(parts: list[Logs], failures: list[LogReadError], clocks: Clocks, wa
     losses = annotated_losses(events, diagnostics)
     diagnostics += [*losses, *copies, *unset, *misnumbered, *unnumbered, *corrections, *check_events(events)]
     events = usable(events)
+    verdict = Judged(events, events.clear(), []) if with_excluded else judged(events)
+    exclusions = [] if with_excluded else [*exclusions, *verdict.exclusions]
+    diagnostics += exclusion_diagnostics(exclusions)
     samples = merged_samples([part.signals for part in parts])
     paths = [path for part in parts for path in part.paths]
-    return Logs(events, samples, diagnostics, paths, merged(part.scene for part in parts))
+    scene = merged(part.scene for part in parts)
+    return Logs(verdict.events, samples, diagnostics, paths, scene, verdict.excluded, exclusions)

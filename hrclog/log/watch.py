@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hrclog.errors import LogReadError
-from hrclog.log.files.discover import BAG_METADATA, is_annotations_name
+from hrclog.log.files.names import BAG_METADATA, is_annotations_name
 from hrclog.log.writing.journal import PARTIAL_SUFFIX
 
 Stamp = tuple[int, int, int]

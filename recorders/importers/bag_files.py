@@ -15,11 +15,12 @@ from hrclog.arrays import IntArray
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.log.bags.folder import open_bag
-from hrclog.log.files.discover import BAG_METADATA, find_logs, plain_name
+from hrclog.log.files.discover import find_logs
+from hrclog.log.files.names import BAG_METADATA, plain_name
 from hrclog.log.mcap.contents import Batch, Contents
 from hrclog.log.messages.definitions import type_name
 from hrclog.log.messages.failures import Failures
-from hrclog.log.messages.foreign import Decode, decoder_of
+from hrclog.log.messages.foreign import Decode, decoder_of, with_definition
 from hrclog.log.messages.packed_messages import without_compression
 from hrclog.log.parts import complaints, read_part
 from hrclog.recorders.mapping.received import Received
@@ -111,13 +112,24 @@ def find_recordings(sources: Iterable[Path]) -> list[Recording]:
     return list(recordings.values())
 
 
-def read_recording(recording: Recording, wants: Callable[[str, str], bool], diagnostics: list[Diagnostic]) -> Content:
+def no_definition(_topic: str, _type_name: str) -> str:
+    """Return "": nothing is known of a type but what the recording holds."""
+    return ""
+
+
+def read_recording(
+    recording: Recording,
+    wants: Callable[[str, str], bool],
+    diagnostics: list[Diagnostic],
+    definition: Callable[[str, str], str] = no_definition,
+) -> Content:
     """Read the messages of wanted topics; a bad part costs only itself.
 
     Args:
         recording: where they are.
         wants: says of a topic and its type whether its messages are needed.
         diagnostics: takes what is lost or doubtful.
+        definition: returns that of a topic's type, "" for none; it stands in where the recording holds none.
 
     Raises:
         LogReadError: no part can be read.
@@ -138,14 +150,16 @@ def read_recording(recording: Recording, wants: Callable[[str, str], bool], diag
         except LogReadError as error:
             failures.append(error)
             continue
-        _take_part(contents, wants, content)
+        _take_part(contents, wants, content, definition)
     if failures and len(failures) == len(recording.parts):
         raise failures[0]
     diagnostics += [Diagnostic("unreadable_file", error.reason, str(error.path)) for error in failures]
     return content
 
 
-def _take_part(contents: Contents, wants: Callable[[str, str], bool], content: Content) -> None:
+def _take_part(
+    contents: Contents, wants: Callable[[str, str], bool], content: Content, definition: Callable[[str, str], str]
+) -> None:
     for topic, count in contents.topics().items():
         key = (topic[0], type_name(topic[1]))
         content.topics[key] = content.topics.get(key, 0) + count
@@ -166,7 +180,7 @@ def _take_part(contents: Contents, wants: Callable[[str, str], bool], content: C
                 continue
             part = without_compression(_select(batch, rows), contents.budget)
             if channel_id not in decoders:
-                decoders[channel_id] = _decoder(channel, schema, content)
+                decoders[channel_id] = _decoder(channel, schema, content, definition(*topic))
             decode = decoders[channel_id]
             if isinstance(decode, str):
                 content._failures.add(topic[0], decode, int(part.log_time[0]), len(part.start))  # noqa: SLF001 - it fills it
@@ -175,10 +189,10 @@ def _take_part(contents: Contents, wants: Callable[[str, str], bool], content: C
         place += len(batch.start)
 
 
-def _decoder(channel: Channel, schema: Schema | None, content: Content) -> Decode | str:
+def _decoder(channel: Channel, schema: Schema | None, content: Content, definition: str) -> Decode | str:
     """Return how messages are decoded, or why they cannot be."""
     try:
-        decoder = decoder_of(channel, schema)
+        decoder = decoder_of(channel, with_definition(schema, definition) if definition else schema)
     except ValueError as error:
         return str(error)
     if decoder.assumed:

@@ -27,6 +27,7 @@ class Option:
         kind: `bool` makes a flag; else what a text is turned into.
         default: where it is not given; with `multiple`, a tuple.
         multiple: whether it may be given several times.
+        only_shows: of a flag, whether it asks for something to be shown, and for no import.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Option:
     kind: type[bool | str | int | float | Path] = str
     default: Any = None
     multiple: bool = False
+    only_shows: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,8 @@ class Remark:
 class Importer(ABC):
     """Reads the files of another system. `writing.import_files` writes the logs.
 
-    Derive every id from the source (`hrclog.ids.derived_id`), so that importing twice adds nothing.
+    Derive every id from the source (`hrclog.ids.derived_id`), so that importing twice adds nothing. The module of the
+    class is imported for every help and hint: let it import what costs time where it is used.
 
     Attributes:
         name: by which it is chosen: `hrclog import NAME`.
@@ -102,7 +105,6 @@ class Importer(ABC):
         description: what follows it in the help.
         example: a command line.
         options: those it has beside the files and the folder.
-        may_only_show: whether it can say what it would import, without a folder.
     """
 
     name: ClassVar[str]
@@ -110,7 +112,6 @@ class Importer(ABC):
     description: ClassVar[str] = ""
     example: ClassVar[str] = ""
     options: ClassVar[tuple[Option, ...]] = ()
-    may_only_show: ClassVar[bool] = False
 
     @abstractmethod
     def read(self, sources: Sequence[Path], **options: Any) -> Foreign:  # noqa: ANN401 - what its options hold
@@ -124,12 +125,24 @@ class Importer(ABC):
             ImportDataError: no file can be read.
         """
 
-    def preview(self, sources: Sequence[Path], **options: Any) -> Remark | None:  # noqa: ANN401, ARG002 - for those that need them
-        """Return what is to be said instead of an import, None where one is to be done.
+    def arguments_for(self, head: bytes, name: str) -> str | None:  # noqa: ARG002 - for those that need them
+        """Return what to type behind a file's name to import it, None where it does not look like one of this system.
+
+        Args:
+            head: its first bytes, `heads.HEAD_BYTES` or all it has; `heads.without_compression` unpacks them.
+            name: of the file.
+        """
+        return None
+
+    def preview(self, sources: Sequence[Path], **options: Any) -> Imported | Remark | None:  # noqa: ANN401, ARG002 - for those that need them
+        """Return what is shown where nothing is to be written: no folder is given, or an option that `only_shows`.
 
         Args:
             sources: the files.
             options: as for `read`.
+
+        Returns:
+            What an import would do, or something else to be said; None where a folder is needed.
         """
         return None
 

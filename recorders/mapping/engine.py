@@ -39,6 +39,10 @@ class Engine:
         """Return whether messages of a topic are needed."""
         return bool(self._meanings_of(topic, type_name))
 
+    def definition(self, topic: str, type_name: str) -> str:
+        """Return the definition of a topic's type that the mapping tells, "" for none."""
+        return next(filter(None, (meaning.definition for meaning in self._meanings_of(topic, type_name))), "")
+
     @staticmethod
     def wants_nothing(_topic: str, _type_name: str) -> bool:
         """Return False, for those who look for topics only."""

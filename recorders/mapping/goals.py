@@ -63,6 +63,7 @@ class Goals:
         tells_fallbacks: whether that is worth a remark, as the mapping does not say so.
         waits_for_reason: whether the end is told only when the result is there.
         name: of the action.
+        undefined: the type of recorded goals of which no definition is known, "" where there are none such.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Goals:
     task: str
     tells_fallbacks: bool
     waits_for_reason: bool
+    undefined: str = ""
     goals: dict[str, Goal] = field(default_factory=dict)
     n_former: int = 0
 
@@ -105,10 +107,18 @@ class Goals:
                 goal.agent, goal.task = goal.agent or self.agent, goal.task or self.task
                 if self.tells_fallbacks:
                     called = f"they count as {goal.task!r} of {goal.agent!r}"
-                    notes.remark(
-                        "goal_not_recorded", f"{{}} of {self.name}: their goals are not in the recording; {called}"
-                    )
+                    notes.remark("goal_not_recorded", f"{{}} of {self.name}: {self._why_unread()}; {called}")
+            elif self.undefined and not self.tells_fallbacks:
+                notes.remark("goals_unread", f"{{}} of {self.name}: {self._why_unread()}; all are {goal.task!r}")
             yield from _told(goal, end)
+
+    def _why_unread(self) -> str:
+        if not self.undefined:
+            return "their goals are not in the recording"
+        return (
+            f"their goals are in the recording, but not the definition of {self.undefined}; give it in the mapping, "
+            'such as definition = "string task" for a goal of one text'
+        )
 
     def _assume_start(self, goal: Goal, end: End | None, notes: Notes) -> None:
         """Set the start of a goal that was never seen to run."""

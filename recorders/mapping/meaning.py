@@ -18,6 +18,7 @@ class Meaning(ABC):
         kind: the name of its tables: `[[action]]`.
         summary: one line for lists.
         topic: the usual topic, None where the table must name it.
+        definition: of the messages' type, or the goal of an action, for recordings that hold none; "" for none.
 
     Args:
         table: of the mapping file; asks for the keys that it knows.
@@ -31,6 +32,7 @@ class Meaning(ABC):
         self.where = table.where
         self.pattern = table.topic(self.topic)
         self.is_optional = table.flag("optional")
+        self.definition = table.text("definition", "")
 
     def wants(self, topic: str, type_name: str) -> bool:  # noqa: ARG002 - for those that look at it
         """Return whether messages of a topic are needed."""

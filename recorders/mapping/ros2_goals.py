@@ -129,6 +129,8 @@ class Ros2Goals:
                     goal = self._renewed(key, goal, notes)
                 self._requests[call] = goal
                 if part == "send_goal":
+                    if isinstance(request, dict) and set(request) == {"goal_id"}:  # the head, all that can be read
+                        self._goals.undefined = received.type_name
                     self._name(goal, request)
                 yield from self._goals.settled(goal)
         elif kind in _RESPONSE and call in self._requests:

@@ -32,6 +32,13 @@ _GOAL: Final = re.compile(r"^(?:ACTION: \S+|MSG: \S+(?<!Action)Goal)\n(.*?)(?=^-
 _TEXT: Final = re.compile(r"^[^\S\n]*string(?:<=\d+)?[^\S\n]+(\w+)[^\S\n]*(?:#.*)?$", re.MULTILINE)
 _TASK_FIELDS: Final = ("task", "task_name", "name", "skill", "operation", "command")
 _HEAD: Final = "# A first mapping: check agents and tasks. docs/bags.md describes every key."
+_UNNAMED: Final = '\n# task = { field = "goal.task" }  # if a field of the goal names the task'
+_UNDEFINED: Final = (
+    "\n# The goals are recorded, but not the definition of their type. As it stands, all goals are one task."
+    "\n# To name the task by a field of the goal, give the goal of the .action file, and the field:"
+    '\n# definition = "string task"'
+    '\n# task = { field = "goal.task" }'
+)
 _TASKS: Final = (Action.kind, PlanSys2.kind, BehaviorTree.kind)
 _NO_TASK: Final = (
     "# No topic of a known kind. Name the fields of a message that tells the state of a task:\n"
@@ -84,11 +91,7 @@ def _actions(topics: Mapping[Topic, int], definitions: Mapping[Topic, str]) -> I
         agent, task = _agent_and_task(name)
         field = _task_field(definition)
         named = f'{{ field = "goal.{field}" }}' if field else _quoted(task)
-        hint = (
-            '\n# task = { field = "goal.task" }  # if a field of the goal names the task'
-            if definition and not field
-            else ""
-        )
+        hint = "" if field or not definition else _UNDEFINED if definition == "?" else _UNNAMED
         yield f"[[action]]\ntopic = {_quoted(name)}\nagent = {_quoted(agent)}\ntask = {named}{hint}"
 
 

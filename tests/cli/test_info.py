@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
+import re
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -12,9 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import ros_bags
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
 from hrclog.log.mcap.describe import describe
 from hrclog.recorders.recorder import Recorder
@@ -311,3 +318,87 @@ def test_a_bag_folder_is_described_file_by_file(run: Run, data_dir: Path) -> Non
         pytest.skip("no bag folder to read")
     described = run("info", bag, "--json").json()["mcap"]
     assert [facts["path"] for facts in described] == [str(bag / "b_0.mcap")]
+
+
+def stated(recording: dict[str, Any]) -> set[tuple[str, str, int]]:
+    return {(topic["topic"], topic["type"], topic["n_messages"]) for topic in recording["topics"]}
+
+
+def written(path: Path) -> set[tuple[str, str, int]]:
+    """Return the topics of a bag as rosbags reads them."""
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        return {(each.topic, each.msgtype, each.msgcount) for each in reader.connections}
+
+
+SENT = [ros_bags.text(10**18 + n, f"/say/{n % 3}", "x" * n) for n in range(10)]
+SENT_1 = [ros_bags.ros1_status(10**18 + n, 10**18 + n, f"/arm/{n % 2}", [("goal", 1)]) for n in range(7)]
+
+
+@pytest.mark.parametrize(
+    "kind", ["mcap", "sqlite", "file.db3", "file.db3.zst", "file.bag", "file.bag.gz", "file.mcap.gz"]
+)
+def test_topics_types_and_counts_of_any_recording_are_listed(kind: str, run: Run, tmp_path: Path) -> None:
+    if kind in ("mcap", "sqlite"):
+        bag = expected = ros_bags.write_bag(tmp_path / "bag", SENT, kind)
+    else:
+        plain, _, packing = kind.removeprefix("file.").partition(".")
+        write = {"db3": ros_bags.write_sqlite, "bag": ros_bags.write_ros1, "mcap": ros_bags.write_mcap}[plain]
+        bag = expected = write(tmp_path / f"file.{plain}", SENT_1 if plain == "bag" else SENT)
+        if packing:
+            pack = gzip.compress if packing == "gz" else zstandard.compress
+            bag = tmp_path / f"packed.{plain}.{packing}"
+            bag.write_bytes(pack(expected.read_bytes()))
+    result = run("info", bag, "--json")
+    assert (result.code, result.err) == (0, "")
+    [recording] = result.json()["recordings"]
+    topics = written(expected) if "bag" in kind else of_messages(SENT)
+    assert (recording["path"], stated(recording)) == (str(bag), topics)
+    assert recording["n_messages"] == sum(n for _, _, n in topics)
+    text = run("info", bag)
+    assert (text.code, text.err) == (0, "")
+    assert all(re.search(rf"^{topic} +{name} +\w+ +{n}$", text.out, re.MULTILINE) for topic, name, n in topics)
+    assert f"import it with `hrclog import bag {bag} --suggest`" in text.out
+
+
+def of_messages(messages: list[ros_bags.Sent]) -> set[tuple[str, str, int]]:
+    counts = Counter((sent.topic, sent.kind) for sent in messages)
+    return {(*names, n) for names, n in counts.items()}
+
+
+def test_a_bag_of_many_parts_is_one_table(run: Run, tmp_path: Path) -> None:
+    bag = ros_bags.write_bag(tmp_path / "bag", SENT)
+    for number in range(1, 5):
+        shutil.copy(bag / "bag_0.mcap", bag / f"bag_{number}.mcap")
+    result = run("info", bag)
+    assert f"{bag}: MCAP, 5 files, 50 messages" in result.out
+    assert result.out.count("/say/0 ") == 1
+    assert len(run("info", bag, "--json").json()["mcap"]) == 5
+
+
+def test_a_damaged_database_is_listed_as_far_as_it_can_be_read(run: Run, tmp_path: Path) -> None:
+    path = ros_bags.write_sqlite(
+        tmp_path / "file.db3", [ros_bags.text(10**18 + n, "/say", "x" * 900) for n in range(50)]
+    )
+    data = bytearray(path.read_bytes())
+    data[8 * 4096 : 8 * 4096 + 8] = b"\xff" * 8
+    path.write_bytes(data)
+    result = run("info", path, "--json")
+    assert result.code == 3
+    [(topic, kind, n_messages)] = stated(result.json()["recordings"][0])
+    assert (topic, kind, 20 < n_messages < 50) == ("/say", "std_msgs/msg/String", True)
+
+
+def test_samples_of_bags_are_listed_as_another_reader_does(run: Run, data_dir: Path) -> None:
+    folder = data_dir.parent / "samples"
+    if not folder.is_dir():
+        pytest.skip("no samples to read")
+    for bag in (folder / "ros1" / "bench_a.bag", folder / "ros1" / "bench_b.bag", folder / "ros2" / "plansys2_humble"):
+        [recording] = run("info", bag, "--json").json()["recordings"]
+        assert stated(recording) == written(bag)
+
+
+def test_a_log_of_ours_needs_no_import(run: Run, samples: Path) -> None:
+    result = run("info", samples / "single.mcap")
+    assert "import it" not in result.out
+    many = run("info", samples / "campaign")
+    assert "--json lists all" in many.out

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -70,6 +70,8 @@ def steps(block: str) -> list[Step]:
         if line.startswith("$ "):
             exits = EXITS.search(line)
             found.append(Step(EXITS.sub("", line[2:]), int(exits[1]) if exits else 0, []))
+        elif line.startswith("> ") and found and not found[-1].output:  # the command goes on
+            found[-1] = replace(found[-1], command=f"{found[-1].command}\n{line[2:]}")
         elif found:
             found[-1].output.append(line)
     return found
@@ -144,7 +146,17 @@ def test_pages_name_every_event_column_and_table_column() -> None:
     for name in (*EVENT_CLASSES, *COLUMNS):
         assert name == "kind" or f"`{name}`" in events, name
     tables = (ROOT / "docs" / "tables.md").read_text()
-    for schema in ("INTERVALS", "OVERLAPS", "PAIR_OVERLAPS", "DURATIONS", "SYNERGIES", "RUNS", "METRICS", "SIGNALS"):
+    for schema in (
+        "INTERVALS",
+        "EXECUTIONS",
+        "OVERLAPS",
+        "PAIR_OVERLAPS",
+        "DURATIONS",
+        "SYNERGIES",
+        "RUNS",
+        "METRICS",
+        "SIGNALS",
+    ):
         for name in getattr(schemas, schema):
             assert f"| `{name}` |" in tables, name
 

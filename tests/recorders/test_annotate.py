@@ -82,7 +82,7 @@ def test_runs_are_chosen_by_name_and_by_tags(tmp_path: Path) -> None:
     assert table["name"].to_list() == ["run 2"]
     with pytest.raises(HrclogError, match=r"run 'run 9': found no such run, expected one of 'run 0', 'run 1'"):
         hrclog.annotate(tmp_path, {"chosen": "yes"}, runs=["run 9"])
-    with pytest.raises(InvalidEventError, match="no tag"):
+    with pytest.raises(InvalidEventError, match="nothing to say"):
         hrclog.annotate(tmp_path, {})
 
 

@@ -18,7 +18,7 @@ from hrclog.event_rows import from_row, to_row
 from hrclog.events import Event, TaskFact
 from hrclog.log.reader import read_logs
 from hrclog.log.writing.journal import journal_path
-from hrclog.recorders.json_lines import Sample
+from hrclog.recorders.sample_lines import Sample
 from hrclog.recorders.segments import segment_path
 from hrclog.recorders.stdin import Hooks, Refused, record_stream
 
@@ -153,7 +153,8 @@ def test_any_events_come_through_as_they_are_unless_the_state_machine_refuses_th
 ) -> None:
     path = tmp_path / "run.mcap"
     path.unlink(missing_ok=True)
-    lines = [json.dumps({k: v for k, v in to_row(event).items() if v is not None}) for event in events]
+    rows = [to_row(event) | {"run_id": "r"} for event in events]
+    lines = [json.dumps({k: v for k, v in row.items() if v is not None}) for row in rows]
     recorded: list[Event] = []
     opening = line(kind="heartbeat", time_ns=0)  # on a clock of its own, any instant may be right
     refused = record_stream([opening, *lines], path, hooks=Hooks(on_event=recorded.append)).refused
@@ -229,6 +230,8 @@ FIRST_LINES = [
     line(kind="run_begun", time_ns=5),
     line(kind="run_started", agents=["H", 5], time_ns=5),
     line(kind="run_started", operator="P07", time_ns=5),
+    line(kind="run_started", tags=["P07"], time_ns=5),
+    line(kind="run_started", tags={"participant": None}, time_ns=5),
     line(kind="task_ended", agent="robot", task="pick", time_ns=5),
     line(kind="task_started", agent="robot", time_ns=5),
     line(kind="signal", name="x", time_ns=5),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -24,14 +24,13 @@ from hrclog.log.messages.message import UNSET_INT
 from hrclog.log.writing.writer import FinishedWriter, write_atomically
 
 
-def annotate(log: Path, events: pl.DataFrame, runs: Iterable[str], said: Said, *, is_nameless: bool = False) -> Path:
+def add(log: Path, events: pl.DataFrame, said: Mapping[str, Said], *, is_nameless: bool = False) -> Path:
     """Say something of runs of a log, in the file beside it, and return that file.
 
     Args:
         log: the log.
         events: of the log, with `seq` null where its writer gave none.
-        runs: their ids.
-        said: what.
+        said: what is said, by run.
         is_nameless: whether the log has one run, which its events do not name.
 
     Raises:
@@ -39,10 +38,10 @@ def annotate(log: Path, events: pl.DataFrame, runs: Iterable[str], said: Said, *
         LogWriteError: it cannot be written.
     """
     path = annotations_path(log)
-    added = [_annotation(events, run, said, is_nameless=is_nameless) for run in runs]
+    added = [(_annotation(events, run, words, is_nameless=is_nameless), words.at_ns) for run, words in said.items()]
     with _locked_folder(path):
         earlier = _earlier(path)
-        _write(path, [*earlier, *((event, said.at_ns) for event in added)])
+        _write(path, [*earlier, *added])
     return path
 
 
@@ -69,6 +68,7 @@ def _annotation(events: pl.DataFrame, run: str, said: Said, *, is_nameless: bool
         time_ns=max(last_ns or 0, 0),
         run_id="" if is_nameless else run,
         seq=UNSET_INT if last_seq is None else last_seq,
+        reason=said.reason,
         details=said.details(),
     )
 

@@ -13,7 +13,7 @@ import polars as pl
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError
 from hrclog.events import AnnotationAdded
-from hrclog.log.files.discover import ANNOTATIONS_SUFFIX, plain_name
+from hrclog.log.files.names import ANNOTATIONS_SUFFIX, plain_name
 from hrclog.log.files.system import exists
 from hrclog.log.messages.decode import EVENT_COLUMNS
 from hrclog.log.parts import complaints, decode_file

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from hrclog.errors import LogReadError
-from hrclog.log.files.discover import BAG_METADATA, COMPRESSIONS, is_log_name, plain_name
+from hrclog.log.files.names import BAG_METADATA, COMPRESSIONS, is_log_name, plain_name
 
 _MOST_BYTES: Final = 1 << 20
 _KEY: Final = re.compile(r"^[^\S\n]*relative_file_paths[^\S\n]*:", re.MULTILINE)

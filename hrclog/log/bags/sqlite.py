@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,7 @@ from urllib.parse import quote
 
 from mcap.records import Channel, Schema
 
-from hrclog.errors import LogReadError
+from hrclog.errors import LogReadError, NoLogError
 from hrclog.log.bags.sqlite_rows import Damage, message_rows
 from hrclog.log.limits import CHANNELS, DECLARATIONS, ROW, STEPS, UNPACKED, Budget, LimitError
 from hrclog.log.mcap.contents import Contents, Wanted, batch_of
@@ -100,7 +101,7 @@ def _limit(database: sqlite3.Connection, budget: Budget) -> None:
 def _declare(database: sqlite3.Connection, contents: Contents, path: Path) -> None:
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"topics", "messages"} <= tables or not {"topic_id", "timestamp", "data"} <= _columns(database, "messages"):
-        raise LogReadError(path, "an SQLite file that is no part of a bag", "a log", "name a log or a bag")
+        raise NoLogError(path, "an SQLite file that is no part of a bag", "a log", "name a log or a bag")
     definitions: dict[str, tuple[str, str]] = {}
     if "message_definitions" in tables:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
@@ -125,8 +126,7 @@ def _columns(database: sqlite3.Connection, table: str) -> set[str]:
 def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wanted) -> None:
     ids = [channel.id for channel in contents.channels.values() if wanted(channel, contents.schemas[channel.schema_id])]
     if not ids:
-        query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
-        contents.counts = {int(topic_id): int(count) for topic_id, count in database.execute(query)}
+        _count_messages(database, contents)
         return
     batch_rows: list[_Row] = []
     n_bytes, n_odd, n_read = 0, 0, 0
@@ -154,6 +154,19 @@ def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wan
     if n_odd:
         text = counted(n_odd, "row holds no message and was skipped", "rows hold no messages and were skipped")
         contents.problems.append(Problem("corrupt_data", 0, text))
+
+
+def _count_messages(database: sqlite3.Connection, contents: Contents) -> None:
+    """Count the messages of all topics, past pages that are damaged."""
+    query = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+    try:
+        contents.counts = {int(topic_id): int(count) for topic_id, count in database.execute(query)}
+    except sqlite3.DatabaseError:
+        damage = Damage()
+        ids = [channel.id for channel in contents.channels.values()]
+        contents.counts = Counter(topic_id for topic_id, _, _ in message_rows(database, ids, damage))
+        if damage.error:
+            contents.problems.append(Problem("corrupt_data", 0, damage.text, n_messages=damage.n_lost))
 
 
 def _is_message(time_ns: Any, data: Any) -> bool:  # noqa: ANN401 - SQLite's columns hold anything

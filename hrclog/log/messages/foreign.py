@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from mcap.records import Channel, Schema
@@ -79,6 +79,26 @@ def decoder_of(channel: Channel, schema: Schema | None) -> Decoder:
         return Decoder(_standard(name, wire), name)
     language = IDL if schema is not None and schema.encoding == IDL else channels.SCHEMA_ENCODING
     return Decoder(decoder_by(Definition(text, language), name, wire))
+
+
+def with_definition(schema: Schema | None, definition: str) -> Schema | None:
+    """Return a schema with a definition in the place of none; of an action, its text or that of its goal alone.
+
+    Args:
+        schema: of a channel.
+        definition: of its type.
+    """
+    if schema is None or (schema.encoding != "unknown" and schema.data.strip()):
+        return schema
+    name = type_name(schema.name)
+    text = definition
+    if name.endswith(tuple(f"_{part}" for part in _ACTION_PARTS)):
+        own, separator, used = definition.partition(_SEPARATOR)
+        missing = 2 - len(_DIVIDER.findall(own))
+        if missing and "_SendGoal_" not in name:  # its head is all that can be read
+            return schema
+        text = f"ACTION: {name}\n{own.rstrip()}\n" + "---\n" * missing + separator + used
+    return replace(schema, encoding=channels.SCHEMA_ENCODING, data=text.encode())
 
 
 def _by_action(text: str, name: str, wire: str) -> Decode:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import reprlib
+import sys
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -19,6 +21,9 @@ _DEFAULTS: Final[dict[str, Any]] = (
 )
 _INTEGER: Final = re.compile(r"[+-]?[0-9]{1,19}")
 _UNSET: Final = -(2**63)
+_LARGEST: Final = int(sys.float_info.max)
+_SHORT: Final = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
 
 
 def _camel_case(name: str) -> str:
@@ -43,6 +48,12 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InvalidEventError(f"found a JSON {type(value).__name__}, expected one object per event")
     return value
+
+
+def short(value: object) -> str:
+    """Return how a value is written, shortened: a line may hold megabytes, or lists in lists."""
+    is_too_large = isinstance(value, int) and abs(value) > _LARGEST
+    return "a larger number" if is_too_large else _SHORT.repr(value)
 
 
 def row_from_proto3(value: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,9 +93,8 @@ def row_from_object(value: Mapping[str, Any]) -> dict[str, Any]:
         InvalidEventError: a known field has the wrong type, or `kind` is missing.
     """
     row = _DEFAULTS.copy()
-    for name in COLUMNS:
-        field_value = value.get(name)
-        if field_value is not None:
+    for name, field_value in value.items():
+        if name in _DEFAULTS and field_value is not None:
             row[name] = _column_value(name, field_value)
     if not row["kind"]:
         raise InvalidEventError("found an object without `kind`, expected for example task_started")
@@ -95,21 +105,38 @@ def _column_value(name: str, value: Any) -> Any:  # noqa: ANN401 - any JSON valu
     if name == "details" and isinstance(value, dict):
         value = json.dumps(value, ensure_ascii=False, sort_keys=True)
     if name in STRING_COLUMNS:
-        return _text(name, value)
+        return text_column(name, value)
+    number = _number_column(name, value)
+    return _float(name, number) if name in FLOAT_COLUMNS else _integer(name, number)
+
+
+def _number_column(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InvalidEventError(f"{name} is {value!r}, expected a number")
-    if name in FLOAT_COLUMNS:
-        return _float(name, value)
-    return _integer(name, value)
+        raise InvalidEventError(f"{name} is {short(value)}, expected a number")
+    return value
 
 
-def _text(name: str, value: Any) -> str:  # noqa: ANN401 - any JSON value
+def integer_column(name: str, value: object) -> int:
+    """Return a whole number, within what the column takes.
+
+    Raises:
+        InvalidEventError: it is none.
+    """
+    return _integer(name, _number_column(name, value))
+
+
+def text_column(name: str, value: object) -> str:
+    """Return a text.
+
+    Raises:
+        InvalidEventError: it is none, or no valid Unicode.
+    """
     if not isinstance(value, str):
-        raise InvalidEventError(f"{name} is {value!r}, expected a text")
+        raise InvalidEventError(f"{name} is {short(value)}, expected a text")
     try:
         value.encode()
     except UnicodeEncodeError as error:
-        raise InvalidEventError(f"{name} is {value!r}, expected valid Unicode") from error
+        raise InvalidEventError(f"{name} is {short(value)}, expected valid Unicode") from error
     return value
 
 
@@ -117,9 +144,11 @@ def _integer(name: str, value: float) -> int:
     low, high = (0, 2**32) if name in _COUNTERS[:2] else (-(2**63) + 1, 2**63)
     # instants of today do not fit into a float
     if isinstance(value, float) and not (abs(value) <= 2**53 and value.is_integer()):
-        raise InvalidEventError(f"{name} is {value!r}, expected an integer, which no float above 2^53 holds exactly")
+        raise InvalidEventError(
+            f"{name} is {short(value)}, expected an integer, which no float above 2^53 holds exactly"
+        )
     if not low <= value < high:
-        raise InvalidEventError(f"{name} is {value!r}, expected a whole number from {low} to {high - 1}")
+        raise InvalidEventError(f"{name} is {short(value)}, expected a whole number from {low} to {high - 1}")
     return int(value)
 
 
@@ -127,4 +156,4 @@ def _float(name: str, value: float) -> float:
     try:
         return float(value)
     except OverflowError as error:
-        raise InvalidEventError(f"{name} is {str(value)[:20]}…, expected a number of 64 bits") from error
+        raise InvalidEventError(f"{name} is {short(value)}, expected a number of 64 bits") from error

@@ -14,7 +14,7 @@ from hrclog.arrays import BoolArray, IntArray
 from hrclog.log.mcap.contents import Batch
 from hrclog.log.messages import channels
 from hrclog.log.messages.signals import merged_samples
-from hrclog.scene import Scene, parse_scene
+from hrclog.scene import FARTHEST_M, QUATERNION_NORMS, Scene, parse_scene
 from hrclog.wording import counted
 
 POSE_COLUMNS: Final = pl.Schema(
@@ -27,7 +27,6 @@ MAX_BYTES: Final = 10_000_000
 
 _DESCRIPTION: Final = "/description"
 _POSE: Final = "/pose"
-_FARTHEST_M: Final = 1e4
 _POSE_BYTES: Final = 56
 _POSE_START: Final = 12  # encapsulation header and stamp
 
@@ -172,9 +171,10 @@ def _poses(part: Batch, name: str, run_id: str, tell: Tell) -> pl.DataFrame:
     if whole.any():
         windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(part.data, np.uint8), _POSE_BYTES)
         values = np.ascontiguousarray(windows[part.end[whole] - _POSE_BYTES]).view("<f8")
+    least, most = QUATERNION_NORMS
     with np.errstate(invalid="ignore", over="ignore"):
         norm = np.linalg.norm(values[:, 3:], axis=1)
-        valid = (np.abs(values[:, :3]) <= _FARTHEST_M).all(axis=1) & (norm > 1e-6) & (norm < 1e6)
+        valid = (np.abs(values[:, :3]) <= FARTHEST_M).all(axis=1) & (norm > least) & (norm < most)
     left_out = len(part.start) - int(valid.sum())
     if left_out:
         omitted = counted(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -70,7 +71,10 @@ def matching_runs(
     for condition in wanted:
         if condition.key not in known:
             keys = ", ".join(map(repr, sorted(known))) or "none, for these runs have no tags"
-            raise HrclogError(f"{condition}: no run has a tag {condition.key!r}, expected one of {keys}")
+            similar = [key for key in sorted(known) if key.casefold() == condition.key.casefold()]
+            similar = similar or difflib.get_close_matches(condition.key, sorted(known), 1)
+            hint = f"; did you mean {similar[0]!r}?" if similar else ""
+            raise HrclogError(f"{condition}: no run has a tag {condition.key!r}, expected one of {keys}{hint}")
     matches = [run for run in runs if _meets(tags.get(run, {}), wanted)]
     if not matches:
         raise HrclogError(

@@ -140,7 +140,8 @@ class Journal:
     def _declare(self, spec: ChannelSpec, chunks: list[bytes]) -> _Declaration:
         """Declare a channel in the chunks to be written, twice: without it all the channel's messages would be lost."""
         if len(self._channels) >= _MAX_CHANNELS:
-            raise LogWriteError(self.path, f"has {_MAX_CHANNELS} channels already", "use fewer names of signals")
+            text = f"{self.path}: has {_MAX_CHANNELS} channels already, as many as fit; use fewer names of signals"
+            raise InvalidEventError(text)
         schema_id = self._schemas.setdefault(spec.type_name, len(self._schemas) + 1)
         channel_id = len(self._channels) + 1
         schema = Schema(schema_id, spec.definition, channels.SCHEMA_ENCODING, spec.type_name)

@@ -138,8 +138,9 @@ def _unpivoted(cells: Cells, names: Sequence[str], tiers: dict[str, str]) -> Cel
 
 def _exploded(cells: Cells) -> Cells:
     """Return a row per entry of the lists that rows hold; rows whose lists differ in length are skipped."""
-    frame = cells.frame
-    lists = [name for name, kind in frame.schema.items() if isinstance(kind, pl.List | pl.Array)]
+    arrays = [name for name, kind in cells.frame.schema.items() if isinstance(kind, pl.Array)]
+    frame = cells.frame.with_columns(pl.col(name).arr.to_list() for name in arrays)
+    lists = [name for name, kind in frame.schema.items() if isinstance(kind, pl.List)]
     if not lists:
         return cells
     frame = frame.with_columns(pl.col(name).cast(pl.List(pl.Null)) for name in lists if frame.schema[name] == pl.Null)

@@ -25,7 +25,7 @@ from hrclog.recorders.importers.table.mapping import Source, TableMapping
 from hrclog.recorders.importers.table.numbers import split_numbers
 from hrclog.recorders.importers.table.skipped import Skip, lines_text
 from hrclog.recorders.importers.table.tables import LINE
-from hrclog.recorders.importers.table.words import POINT, event_meanings, folded_words, outcome_meanings
+from hrclog.recorders.importers.table.words import POINT, event_meanings, folded_words, outcome_meanings, texts_of
 from hrclog.wording import counted
 
 RUN_PARTS: Final = "run_parts"
@@ -67,6 +67,7 @@ class Read:
         skips: rows that were left out.
         diagnostics: what else is remarkable.
         notes: how times were read, for people.
+        date_orders: dmy or mdy, as dates showed.
     """
 
     executions: pl.DataFrame
@@ -76,6 +77,7 @@ class Read:
     skips: list[Skip]
     diagnostics: list[Diagnostic] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    date_orders: frozenset[str] = frozenset()
 
 
 def read_rows(path: Path, bound: Bound) -> Read:
@@ -88,6 +90,9 @@ def read_rows(path: Path, bound: Bound) -> Read:
         return _Rows(path, bound).read()
     except ImportDataError:
         raise
+    except pl.exceptions.PolarsError as error:
+        found = f"a column that cannot be read ({str(error).splitlines()[0]})"
+        raise ImportDataError(path, found, "columns of numbers, texts or times") from error
     except HrclogError as error:
         found, _, expected = str(error).partition(", expected ")
         raise ImportDataError(path, found.replace("found ", "", 1), expected or "one meaning") from error
@@ -104,6 +109,7 @@ class _Rows:
         self._diagnostics: list[Diagnostic] = []
         self._notes: list[str] = []
         self._problems: list[pl.Series] = []
+        self._date_orders: set[str] = set()
 
     def read(self) -> Read:
         mapping = self._mapping
@@ -131,6 +137,7 @@ class _Rows:
             [*self._bound.cells.skips, *skips],
             self._diagnostics,
             self._notes,
+            frozenset(self._date_orders),
         )
 
     def _interval(self) -> tuple[Times | None, Times | None]:
@@ -167,6 +174,7 @@ class _Rows:
         if values is None or source is None:
             return None
         times = read_times(values.rename(source.column or what), self._settings())
+        self._date_orders |= {times.date_order} - {""}
         if needed:
             self._problem(
                 pl.select(
@@ -209,7 +217,7 @@ class _Rows:
         values = self._bound.values(source)
         if values is None:
             return pl.Series("text", [""], pl.String).new_from_index(0, self._frame.height)
-        texts = values.cast(pl.String).str.strip_chars().fill_null("")
+        texts = texts_of(values)
         if missing:
             self._problem(pl.select(pl.when(texts == "").then(pl.lit(missing))).to_series())
         return texts
@@ -319,7 +327,7 @@ class _Rows:
         outcomes = words.replace_strict(outcome_meanings(self._mapping), default="", return_dtype=pl.String)
         if (words == "").all():  # a column without a value tells no outcome, as no column does
             return nothing.fill_null(""), nothing
-        shown = values.cast(pl.String).str.strip_chars().fill_null("")
+        shown = texts_of(values)
         return outcomes, pl.select(pl.when(outcomes == "").then(shown)).to_series()
 
     def _unknown_outcomes(self, executions: pl.DataFrame) -> list[Diagnostic]:

@@ -16,8 +16,10 @@ from hrclog.log.messages.signals import SIGNAL_COLUMNS
 from hrclog.log.reader import ORDER, Logs
 from hrclog.recorders.importers.table.columns import bind
 from hrclog.recorders.importers.table.executions import read_rows
-from hrclog.recorders.importers.table.importer import TableImporter, events_of, with_proposal
+from hrclog.recorders.importers.table.frames import as_polars
+from hrclog.recorders.importers.table.importer import TableImporter
 from hrclog.recorders.importers.table.mapping import check_mapping, from_options
+from hrclog.recorders.importers.table.reading import events_of, with_proposal
 from hrclog.recorders.importers.table.runs import TableFile
 from hrclog.recorders.importers.table.tables import table_of_frame
 from hrclog.recorders.importers.writing import write_packed_logs
@@ -29,7 +31,7 @@ _WORDS: Final = ("ok", "failed", "canceled", "started", "ended", "paused", "resu
 
 
 def from_table(
-    frame: Any,  # noqa: ANN401 - polars, pandas, pyarrow, and whatever else can be an Arrow table
+    frame: Any,  # noqa: ANN401 - polars, pandas, pyarrow, and whatever else narwhals knows
     *,
     agent: str | None = None,
     task: str | None = None,
@@ -44,7 +46,8 @@ def from_table(
     What is not given is proposed from the columns, as `hrclog import table` does.
 
     Args:
-        frame: of polars, pandas or pyarrow; a row per execution or per event.
+        frame: of polars, pandas, pyarrow, duckdb or any other library that narwhals knows, eager or lazy; a row per
+            execution or per event. Levels of an index that have names are columns.
         agent: column of who executes; "=robot" for the same in all rows.
         task: column of what is executed.
         start: column of when an execution began.
@@ -89,25 +92,6 @@ def write_logs(runs: Logs, folder: str | Path) -> list[Path]:
     ends = names["len"].cum_sum().to_list()
     spans = dict(zip(names["run_id"], zip([0, *ends[:-1]], ends, strict=True), strict=True))
     return write_packed_logs(events, spans, _names(runs), Path(folder))
-
-
-def as_polars(frame: Any) -> pl.DataFrame:  # noqa: ANN401 - as `from_table`
-    """Return a table of any library that speaks Arrow as a polars frame.
-
-    Raises:
-        HrclogError: it is no table.
-    """
-    try:
-        if isinstance(frame, pl.LazyFrame):
-            return frame.collect()
-        if isinstance(frame, pl.DataFrame):
-            return frame
-        if type(frame).__module__.partition(".")[0] == "pandas":
-            return pl.from_pandas(frame)
-        return pl.DataFrame(frame)
-    except (TypeError, ValueError, ImportError, pl.exceptions.PolarsError) as error:
-        problem = f"found {type(frame).__name__} that is no table ({error})"
-        raise HrclogError(f"from_table: {problem}, expected a frame of polars, pandas or pyarrow") from error
 
 
 def _names(runs: Logs) -> dict[str, str]:

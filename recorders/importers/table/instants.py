@@ -7,7 +7,7 @@ their size. Times of day and small numbers count from the start of the run.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
@@ -67,6 +67,7 @@ class Times:
         is_relative: whether they count from the start of the run.
         form: how they were read, for people.
         is_unit_sure: whether their unit was told, or follows from their form or size.
+        date_order: dmy or mdy, where dates are written so and show which; "" elsewhere.
     """
 
     ns: pl.Series
@@ -74,10 +75,15 @@ class Times:
     is_relative: bool
     form: str
     is_unit_sure: bool = True
+    date_order: str = ""
 
 
 class AmbiguousTimesError(HrclogError):
     """A column's times could mean several things."""
+
+
+class AmbiguousDatesError(AmbiguousTimesError):
+    """A column's dates could have the day or the month first."""
 
 
 def read_times(values: pl.Series, settings: TimeSettings) -> Times:
@@ -206,7 +212,7 @@ def _texts(values: pl.Series, settings: TimeSettings) -> Times:
     other = texts.is_not_null() & ~forms[form]
     strange = pl.select(pl.when(other).then(pl.lit(f"its time is none of the form of the others ({times.form})")))
     problem = pl.select(pl.coalesce(strange.to_series(), times.problem)).to_series()
-    return Times(times.ns, problem, times.is_relative, times.form, times.is_unit_sure)
+    return replace(times, problem=problem)
 
 
 def _clock(texts: pl.Series, settings: TimeSettings) -> Times:  # noqa: ARG001 - as the other forms
@@ -241,7 +247,8 @@ def _local_dates(texts: pl.Series, settings: TimeSettings) -> Times:
             f"column {texts.name!r}: found {texts.drop_nulls()[0]!r}, expected dates that begin with the year"
         )
     day, month = ("first", "second") if order == "dmy" else ("second", "first")
-    return _dated(parts, ("third", month, day), settings, f"{order[0]}{order[0]}/{order[1]}{order[1]}/yyyy ")
+    times = _dated(parts, ("third", month, day), settings, f"{order[0]}{order[0]}/{order[1]}{order[1]}/yyyy ")
+    return replace(times, date_order=order)
 
 
 def _date_order(parts: pl.DataFrame, name: str) -> str:
@@ -249,7 +256,7 @@ def _date_order(parts: pl.DataFrame, name: str) -> str:
     if first > 12 and second > 12:
         raise AmbiguousTimesError(f"column {name!r}: found dates in two orders, expected one; write them as 2026-03-31")
     if first <= 12 and second <= 12:
-        raise AmbiguousTimesError(
+        raise AmbiguousDatesError(
             f"column {name!r}: found dates that have the day or the month first; say which: --date-order dmy or mdy"
         )
     return "dmy" if first > 12 else "mdy"

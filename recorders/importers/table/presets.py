@@ -4,24 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
-from typing import Final
 
 from hrclog.errors import HrclogError, ImportDataError
 from hrclog.recorders.importers.table.files import table_in
 from hrclog.recorders.importers.table.instants import TimeSettings, read_times
 from hrclog.recorders.importers.table.mapping import TableMapping
 from hrclog.recorders.importers.table.mapping_file import MappingFile, parse_mapping
+from hrclog.recorders.importers.table.recognition import ENDING, preset_names, preset_text
 from hrclog.recorders.importers.table.tables import Grid, Table
-
-_ENDING: Final = ".toml"
-
-
-def preset_names() -> list[str]:
-    """Return the names of all presets."""
-    folder = files(__package__).joinpath("presets")
-    return sorted(entry.name.removesuffix(_ENDING) for entry in folder.iterdir() if entry.name.endswith(_ENDING))
 
 
 def preset_families() -> list[str]:
@@ -44,8 +35,7 @@ def presets_of(name: str) -> list[MappingFile]:
 
 def read_preset(name: str) -> MappingFile:
     """Return a preset."""
-    entry = files(__package__).joinpath("presets", name + _ENDING)
-    return parse_mapping(entry.read_text(encoding="utf-8"), Path(name + _ENDING))
+    return parse_mapping(preset_text(name), Path(name + ENDING))
 
 
 def fitting_preset(content: Grid | Table, presets: Sequence[MappingFile]) -> TableMapping | None:

@@ -93,6 +93,7 @@ def propose(table: Table, given: TableMapping) -> TableMapping:
     """
     if not table.sample.height:
         raise ImportDataError(table.path, "no row below the names of the columns", "at least one", "check the file")
+    table = replace(table, sample=_plain_cells(table.sample))
     guesser = _Guesser(table, given)
     mapping = given if given.run or given.tag_columns else _with_run(guesser, given)
     if not (given.start or given.end or given.duration) and (given.time or guesser.has_events()):
@@ -107,6 +108,20 @@ def propose(table: Table, given: TableMapping) -> TableMapping:
     if not mapping.is_event_form and mapping.end is None and mapping.duration is None:
         raise guesser.missing("end")
     return _with_outcome_words(table, mapping)
+
+
+def _plain_cells(sample: pl.DataFrame) -> pl.DataFrame:
+    """Return a sample with the first entry of each list; columns of values with parts of their own are empty."""
+    firsts = sample.with_columns(
+        pl.col(name).arr.first() if isinstance(kind, pl.Array) else pl.col(name).list.first()
+        for name, kind in sample.schema.items()
+        if isinstance(kind, pl.List | pl.Array)
+    )
+    return firsts.with_columns(
+        pl.lit(None, pl.String).alias(name)
+        for name, kind in firsts.schema.items()
+        if kind.is_nested() or kind in (pl.Object, pl.Binary)
+    )
 
 
 class _Guesser:

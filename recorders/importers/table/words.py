@@ -97,10 +97,18 @@ def folded(word: str) -> str:
 
 def folded_words(values: pl.Series) -> pl.Series:
     """Return the words of a column as they are looked up, "" for an empty cell; whole floats as integers."""
+    return texts_of(values).str.to_lowercase()
+
+
+def texts_of(values: pl.Series) -> pl.Series:
+    """Return the texts of a column, stripped, "" for an empty cell.
+
+    Whole floats are as integers: a column of whole numbers becomes one of floats where a cell is empty.
+    """
     if values.dtype.is_float():
         whole = values.cast(pl.Int64, strict=False)
         is_whole = (values == whole.cast(pl.Float64)).fill_null(value=False)
         texts = pl.select(pl.when(is_whole).then(whole.cast(pl.String)).otherwise(values.cast(pl.String))).to_series()
     else:
         texts = values.cast(pl.String)
-    return texts.str.strip_chars().str.to_lowercase().fill_null("")
+    return texts.str.strip_chars().fill_null("")

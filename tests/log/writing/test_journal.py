@@ -159,7 +159,7 @@ def test_a_journal_has_as_many_channels_as_the_format_numbers(
     monkeypatch.setattr("hrclog.log.writing.journal._MAX_CHANNELS", 2)
     journal.append(_beat(0))
     journal.append(signal_message(FloatSignal("r", "a", 3, 0.5), 3))
-    with pytest.raises(LogWriteError, match="has 2 channels already"):
+    with pytest.raises(InvalidEventError, match="has 2 channels already"):
         journal.append(signal_message(FloatSignal("r", "b", 3, 0.5), 3))
 
 

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.slow
 T = 1_700_000_000_000_000_000
 S = 10**9
 MAP = '[[action]]\ntopic = "/{agent}/do"\ntask = { field = "goal.task" }\nreason = { field = "result.message" }\n'
+GOAL_REASON = 'reason = { field = "result.message" }\n'
 Row = tuple[Any, ...]
 
 
@@ -56,7 +57,7 @@ ROWS = [
 
 def do_import(folder: Path, sources: Sequence[Path], mapping: str = MAP, **options: object) -> Imported:
     (folder / "cell.toml").write_text(mapping)
-    return import_files(Bag(), sources, folder / "logs", map=folder / "cell.toml", **options)
+    return import_files(Bag(), sources, folder / "logs", map=folder / "cell.toml", **options)  # type: ignore[arg-type]  # by name
 
 
 def rows(*logs: Path) -> list[Row]:
@@ -72,7 +73,7 @@ def codes(findings: Sequence[Diagnostic]) -> list[str]:
 @pytest.mark.parametrize("storage", ["mcap", "sqlite"])
 def test_a_bag_is_a_run_and_importing_it_again_adds_nothing(storage: str, tmp_path: Path) -> None:
     bag = bags.write_bag(tmp_path / "monday", TWO, storage)
-    imported = do_import(tmp_path, [bag], tag=["participant=P01", "note= a=b "])
+    imported = do_import(tmp_path, [bag], run_tags={"participant": "P01", "note": "a=b"})
     assert (imported.runs, imported.n_executions, codes(imported.diagnostics)) == (["monday"], 3, [])
     log = tmp_path / "logs" / "monday.mcap"
     assert rows(log) == ROWS
@@ -81,11 +82,11 @@ def test_a_bag_is_a_run_and_importing_it_again_adds_nothing(storage: str, tmp_pa
     details = json.loads(events.filter(kind="run_started")["details"].item())
     assert (details["source"], details["tags"]) == ("bag", {"participant": "P01", "note": "a=b"})
     before = log.read_bytes()
-    again = do_import(tmp_path, [bag], tag=["participant=P01", "note=a=b"])
+    again = do_import(tmp_path, [bag], run_tags={"participant": "P01", "note": "a=b"})
     assert (again.written, again.unchanged) == ([], [log])
     assert log.read_bytes() == before
     with pytest.raises(ImportDataError, match="the source has changed"):
-        do_import(tmp_path, [bag], tag=["participant=P02"])
+        do_import(tmp_path, [bag], run_tags={"participant": "P02"})
 
 
 def test_ids_come_from_what_the_bag_holds_and_not_from_its_name_or_storage(tmp_path: Path) -> None:
@@ -203,14 +204,38 @@ def test_a_mapping_that_does_not_fit_lists_what_there_is(tmp_path: Path) -> None
     assert "/d (std_msgs/msg/Float64)" in findings[0].message
 
 
-@pytest.mark.parametrize("tag", ["x", "=x", " =x"])
-def test_a_tag_is_a_key_and_a_value(tag: str, tmp_path: Path) -> None:
-    with pytest.raises(HrclogError, match="expected key=value"):
-        do_import(tmp_path, [tmp_path], tag=[tag])
-    with pytest.raises(HrclogError, match="two values of 'a'"):
-        do_import(tmp_path, [tmp_path], tag=["a=1", "a=2"])
+def test_without_a_mapping_the_way_to_one_is_told(tmp_path: Path) -> None:
     with pytest.raises(HrclogError, match="--suggest"):
         import_files(Bag(), [tmp_path], tmp_path / "logs")
+
+
+UNNAMED = '[[action]]\ntopic = "/{agent}/do"\ntask = "do"\n'
+GOAL = 'definition = "string task"\n'
+WHOLE = 'definition = """string task\n---\nbool ok\nstring message\n---\nfloat32 progress\n"""\n'
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite"])
+def test_goals_without_the_definition_of_their_type_are_read_by_that_of_the_mapping(
+    storage: str, tmp_path: Path
+) -> None:
+    bag = bags.write_bag(tmp_path / "bag", TWO, storage, "jazzy" if storage == "mcap" else "none")
+    for number, definition in enumerate((WHOLE, GOAL)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        mapping = MAP.replace(GOAL_REASON, "") if definition is GOAL else MAP
+        imported = do_import(folder, [bag], mapping + definition)
+        assert [finding.code for finding in imported.diagnostics if finding.severity != "info"] == []
+        assert rows(folder / "logs") == ROWS
+
+
+def test_goals_that_cannot_be_read_are_told_and_not_called_missing(tmp_path: Path) -> None:
+    bag = bags.write_bag(tmp_path / "bag", TWO, "mcap", "jazzy")
+    for number, (mapping, code) in enumerate(((UNNAMED, "goals_unread"), (MAP, "goal_not_recorded"))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        told = [finding for finding in do_import(folder, [bag], mapping).diagnostics if finding.code == code]
+        assert len(told) == 2
+        assert all("not the definition of cell/action/DoTask_SendGoal_Event" in finding.message for finding in told)
 
 
 def test_types_without_a_definition_are_told_once(tmp_path: Path) -> None:

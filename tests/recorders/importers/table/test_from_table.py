@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +26,7 @@ FACTS = pl.DataFrame(
 OPTIONS: dict[str, Any] = {"agent": "who", "task": "step", "run": "trial"}
 
 
-LIBRARIES = ["polars", "lazy", "pyarrow", "dict", *(["pandas"] if find_spec("pandas") else [])]
-
-
-@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("library", ["polars", "lazy", "pyarrow", "dict", "pandas"])
 def test_a_frame_of_any_library_is_read_as_its_file_is(library: str, tmp_path: Path) -> None:
     FACTS.write_csv(tmp_path / "t.csv")
     import_files(TableImporter(), [tmp_path / "t.csv"], tmp_path / "file", **OPTIONS | {"run": ("trial",)})

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hrclog.errors import HrclogError
 from hrclog.recorders.importers.table.mapping import SOURCE_FIELDS, WORD_FIELDS, Source, TableMapping, missing_roles
 from hrclog.recorders.importers.table.mapping_file import mapping_text, parse_mapping, read_mapping, write_mapping
-from hrclog.recorders.importers.table.presets import preset_families, preset_names, presets_of, read_preset
+from hrclog.recorders.importers.table.presets import preset_families, presets_of, read_preset
+from hrclog.recorders.importers.table.recognition import preset_names
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=6)
 COLUMNS = st.builds(Source, column=TEXTS, pattern=st.sampled_from(["", "(.+)", "_([^_]+)$"]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,21 @@ def test_a_row_per_event_says_the_same_as_a_row_per_execution(tmp_path: Path) ->
     run_import(save(FACTS, tmp_path / "a.csv"), tmp_path / "a")
     run_import(save(event_form(FACTS), tmp_path / "b.csv"), tmp_path / "b")
     assert_frame_equal(facts_of(tmp_path / "a"), facts_of(tmp_path / "b"))
+
+
+def test_dates_that_do_not_show_their_order_are_read_as_those_of_other_files_show(tmp_path: Path) -> None:
+    head = "agent,task,start,end\n"
+    for day in (3, 4, 25):
+        text = f"{head}robot,pick,{day:02}/02/2026 09:00:00,{day:02}/02/2026 09:00:05\n"
+        (tmp_path / f"{day:02}.csv").write_text(text)
+    sources = [tmp_path / "03.csv", tmp_path / "04.csv", tmp_path / "25.csv"]
+    imported = import_files(TableImporter(), sources, tmp_path / "logs")
+    assert (imported.runs, imported.diagnostics) == (["03", "04", "25"], [])
+    days = intervals(read_events(tmp_path / "logs")).sort("start_ns")["start_ns"] // (86_400 * 10**9)
+    assert days.to_list() == [(date(2026, 2, day) - date(1970, 1, 1)).days for day in (3, 4, 25)]
+    (tmp_path / "us.csv").write_text(f"{head}robot,pick,02/26/2026 09:00:00,02/26/2026 09:00:05\n")
+    both = import_files(TableImporter(), [*sources, tmp_path / "us.csv"], tmp_path / "both")
+    assert (both.runs, [Path(found.path).name for found in both.diagnostics]) == (["25", "us"], ["03.csv", "04.csv"])
 
 
 def test_importing_twice_adds_nothing_and_a_changed_row_is_told(tmp_path: Path) -> None:
