@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import unicodedata
 from collections import Counter
@@ -18,6 +17,7 @@ from hrclog.analyzers.exporters.tables import Csv
 from hrclog.analyzers.result import Analysis
 from hrclog.errors import OutputError
 from hrclog.file_names import file_stem
+from hrclog.json_text import RESULT_JSON, read_json_file
 
 JSON_NAME: Final = "analysis.json"
 EXECUTIONS_NAME: Final = "executions.csv"  # what R, SPSS and spreadsheets are given
@@ -144,7 +144,7 @@ def _fold_name(name: str) -> str:
 def _remove_stale(folder: Path, current: set[str]) -> None:
     """Remove the run recordings that the last analysis in this folder wrote, as its JSON says."""
     try:
-        last = json.loads((folder / JSON_NAME).read_text(encoding="utf-8"))
+        last = read_json_file(folder / JSON_NAME, RESULT_JSON)
         rows = [(row["run_id"], row["name"]) for row in last["runs"]]
         names = recording_names(pl.DataFrame(rows, schema={"run_id": pl.String, "name": pl.String}, orient="row"))
     except (OSError, ValueError, KeyError, TypeError):

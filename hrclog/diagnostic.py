@@ -11,6 +11,7 @@ Severity = Literal["error", "warning", "info"]
 CODES: Final[dict[str, tuple[Severity, str]]] = {
     # data that was lost or skipped
     "unreadable_file": ("error", "a file or folder could not be read; the others were"),
+    "limit_reached": ("error", "a file asks for more than its limit; what asks for it, or all behind it, was not read"),
     "missing_part": ("error", "a bag lists a part that is not there"),
     "no_header": ("error", "the file ends before its header, so it holds 0 events"),
     "truncated": ("error", "the file ends inside a record, whose bytes were ignored"),
@@ -25,6 +26,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
     ),
     "recovered_with_losses": ("error", "the file was recovered from a damaged one; what that one lost is missing here"),
     "undecodable_event": ("error", "a message on an event channel could not be decoded and was skipped"),
+    "overlaps_left_out": ("error", "so many executions or agents of a run overlap that its pairs were left out"),
     "events_missing": ("error", "the sequence numbers of a run have gaps: events were lost"),
     "unknown_event": ("error", "an event of a kind this version does not know was kept but not interpreted"),
     "end_without_start": ("error", "an execution ended that never started; the event was skipped"),

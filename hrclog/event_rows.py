@@ -23,6 +23,7 @@ from hrclog.events import (
     Role,
     UnknownEvent,
 )
+from hrclog.json_text import parse_json
 
 _EMPTY_ROW: Final[dict[str, Any]] = (
     {"schema_version": EVENT_VERSION, "attempt": 0, "seq": 0}
@@ -108,9 +109,9 @@ def parse_details(text: str, kind: str = "event") -> dict[str, Any]:
     if not text:
         return {}
     try:
-        details = json.loads(text)
+        details = parse_json(text)
         json.dumps(details, ensure_ascii=False).encode()  # an escaped half of a surrogate pair is no text
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise InvalidEventError(f"{kind}: details are not JSON ({error}): {text[:80]!r}") from error
     if not isinstance(details, dict):
         raise InvalidEventError(f"{kind}: details are {type(details).__name__}, expected a JSON object: {text[:80]!r}")

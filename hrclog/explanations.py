@@ -27,6 +27,10 @@ EXPLANATIONS: Final[dict[str, Explanation]] = {
             "The file is damaged from its first bytes, is of another format, or may not be read.",
             "Check its permissions and whether it is a log; the other files were read.",
         ),
+        "limit_reached": (
+            "The file is damaged or made to harm: it asks for far more memory or time than its size explains.",
+            "Copy it again from where it was recorded; docs/reliability.md lists the limits.",
+        ),
         "missing_part": (
             "A bag's metadata.yaml lists a file that was renamed, moved or not copied.",
             "Put the file back beside the others under the name that the metadata gives.",
@@ -52,6 +56,10 @@ EXPLANATIONS: Final[dict[str, Explanation]] = {
         "undecodable_event": (
             "A message is not of the type that its channel names, or its bytes were changed.",
             "Compare the message definitions of the writer with docs/TaskEvent.msg.",
+        ),
+        "overlaps_left_out": (
+            "Executions lack their ends, several runs were recorded as one, or agents are far too many.",
+            "Correct what writes the ends, or split the runs; durations are as they were recorded.",
         ),
         "events_missing": (
             "Messages were dropped on their way, or somebody deleted events.",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 from hrclog.errors import ScenarioError
+from hrclog.json_text import INPUT_JSON, JsonLimitError, parse_json, read_json_text
 
 T = TypeVar("T")
 
@@ -275,11 +275,11 @@ def read_json(path: Path, what: str) -> object:
         ScenarioError: it cannot be read, or is not JSON.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_constant)
+        return parse_json(read_json_text(path, INPUT_JSON), INPUT_JSON, parse_constant=_no_constant)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read ({error.strerror}); expected {what}") from error
-    except RecursionError as error:
-        raise ScenarioError(f"{path}: nested too deeply; expected {what}") from error
+    except JsonLimitError as error:
+        raise ScenarioError(f"{path}: {error}; expected {what}") from error
     except ValueError as error:
         raise ScenarioError(f"{path}: not JSON ({error}); expected {what}") from error
 

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeVar, cast
 
+from hrclog.json_text import parse_json
+
 SCENE_VERSION: Final = 1
 MAX_THINGS: Final = 1000
 
@@ -96,8 +98,8 @@ def scene_text(scene: Mapping[str, Any]) -> str:
 def parse_scene(text: str) -> tuple[Scene, list[str]]:
     """Return the scene of a JSON text and what of it had to be left out; fields not known here are ignored."""
     try:
-        value = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        value = parse_json(text)
+    except ValueError as error:
         return Scene(), [f"it is not JSON ({str(error)[:80]}): {text[:40]!r}"]
     if not isinstance(value, Mapping):
         return Scene(), [f"found {reprlib.repr(value)}, expected a JSON object"]

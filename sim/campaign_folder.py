@@ -13,7 +13,6 @@ removed, its manifest first.
 from __future__ import annotations
 
 import filecmp
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -26,6 +25,7 @@ import polars as pl
 from hrclog._version import __version__
 from hrclog.errors import LogExistsError, LogWriteError, OutputError, ScenarioError
 from hrclog.event_rows import parse_details
+from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.log.files.system import lock, replace_atomically, sync_folder
 from hrclog.log.reader import read_log
 from hrclog.log.writing.writer import write_log
@@ -205,7 +205,7 @@ class CampaignFolder:
         """Return the manifest of the campaign that is under way here."""
         path = self._work_folder / _MANIFEST
         try:
-            return Manifest(**json.loads(path.read_text(encoding="utf-8")))
+            return Manifest(**read_json_file(path, RESULT_JSON))
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, ValueError, TypeError) as error:
@@ -335,7 +335,7 @@ def add_run(path: Path, run: Run) -> None:
 
 def _read_run(path: Path) -> RunTruth | None:
     try:
-        return run_from_json(json.loads(path.read_text(encoding="utf-8")))
+        return run_from_json(read_json_file(path, RESULT_JSON))
     except (OSError, ValueError, KeyError, TypeError):  # without it the run is made again
         return None
 

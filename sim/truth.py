@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from hrclog.errors import LogExistsError, ScenarioError
+from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.log.files.system import replace_atomically
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def read_truth(path: Path) -> Truth:
         ScenarioError: it cannot be read, or is none.
     """
     try:
-        value = json.loads(path.read_text(encoding="utf-8"))
+        value = read_json_file(path, RESULT_JSON)
         return Truth(
             scenario=value["scenario"],
             seed=value["seed"],

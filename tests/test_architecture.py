@@ -16,7 +16,8 @@ DOTTED = re.compile(r"^(hrclog(?:\.\w+)+):\w+$")
 TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
-    _version arrays diagnostic errors event_rows events explanations file_names forks ids json_record parallel plugins
+    _version arrays diagnostic errors event_rows events explanations file_names forks ids json_record json_text
+    parallel plugins
     recipe_names scene state tags units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""
@@ -25,17 +26,18 @@ ARROWS: Mapping[str, str] = {
     # room: the rooms it may import, besides the basics
     # log
     "log": "",
-    "log.mcap": "",
-    "log.files": "log.mcap",
-    "log.messages": "log.files log.mcap",
-    "log.bags": "log.files log.mcap log.messages",
+    "log.limits": "",
+    "log.mcap": "log.limits",
+    "log.files": "log.limits log.mcap",
+    "log.messages": "log.files log.limits log.mcap",
+    "log.bags": "log.files log.limits log.mcap log.messages",
     "log.writing": "log.files log.mcap log.messages",
     "log.remarks": "",
     "log.clocks": "log.remarks",
     "log.annotations": "log.files log.messages log.parts log.remarks log.writing",
     "log.runs": "log.annotations log.remarks",
     "log.losses": "log.mcap log.messages log.remarks log.writing",
-    "log.parts": "log.bags log.files log.losses log.mcap log.messages log.writing",
+    "log.parts": "log.bags log.files log.limits log.losses log.mcap log.messages log.writing",
     "log.never_set": "log.remarks",
     "log.checks": "log.clocks log.never_set log.remarks",
     "log.reader": (
@@ -43,7 +45,7 @@ ARROWS: Mapping[str, str] = {
         "log.runs log.writing"
     ),
     "log.topics": "log.bags log.files log.mcap log.messages log.parts",
-    "log.recover": "log.files log.losses log.mcap log.messages log.reader log.remarks log.writing",
+    "log.recover": "log.files log.limits log.losses log.mcap log.messages log.reader log.remarks log.writing",
     "log.begun": "log.losses log.mcap log.messages log.recover",
     "log.follow": "log.mcap log.messages",
     "log.watch": "log.files log.writing",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,6 +16,7 @@ from hrclog.wording import counted
 
 MAX_BOXES: Final = 40
 _TOGETHER: Final = 24
+_MAX_AGENTS: Final = 12  # with a plot each
 MAX_OUTLIERS: Final = 40
 _REACH: Final = 1.5
 
@@ -68,14 +70,18 @@ def duration_boxes(intervals: pl.DataFrame, max_boxes: int = MAX_BOXES) -> list[
     )
     if samples.height <= min(_TOGETHER, max_boxes):
         return [_plot("", samples, max_boxes)]
+    n_agents = samples["agent"].n_unique()
+    most = samples.group_by("agent").agg(pl.col("n").sum()).sort("n", "agent", descending=[True, False])
+    drawn = samples.filter(pl.col("agent").is_in(most["agent"].head(_MAX_AGENTS).implode()))
+    captions = [f"{_MAX_AGENTS} of {n_agents} agents are drawn, those with most executions."]
     return [
-        _plot(str(agent), agent_samples, max_boxes)
-        for (agent,), agent_samples in samples.group_by("agent", maintain_order=True)
+        _plot(str(agent), agent_samples, max_boxes, captions if n_agents > _MAX_AGENTS else ())
+        for (agent,), agent_samples in drawn.group_by("agent", maintain_order=True)
     ]
 
 
-def _plot(agent: str, samples: pl.DataFrame, max_boxes: int) -> BoxPlot:
-    captions = []
+def _plot(agent: str, samples: pl.DataFrame, max_boxes: int, captions: Sequence[str] = ()) -> BoxPlot:
+    captions = list(captions)
     if samples.height > max_boxes:
         captions.append(f"{max_boxes} of {samples.height} tasks are drawn, those executed most often.")
         samples = samples.sort("n", descending=True, maintain_order=True).head(max_boxes).sort("agent", "task")

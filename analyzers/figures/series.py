@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, islice
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -73,11 +73,9 @@ def overlaps_so_far(
         str(agent): BusyTime(agent_intervals["start_ns"].to_numpy(), agent_intervals["until_ns"].to_numpy())
         for (agent,), agent_intervals in intervals.group_by("agent", maintain_order=True)
     }
-    pairs = list(combinations(sorted(busy), 2))
-    lines = [
-        _overlap_so_far(busy, first_agent, second_agent, origin_ns) for first_agent, second_agent in pairs[:max_series]
-    ]
-    n_left_out = len(pairs) - len(lines)
+    pairs = islice(combinations(sorted(busy), 2), max_series)
+    lines = [_overlap_so_far(busy, first_agent, second_agent, origin_ns) for first_agent, second_agent in pairs]
+    n_left_out = len(busy) * (len(busy) - 1) // 2 - len(lines)
     return lines, [
         f"The overlap of {counted(n_left_out, 'further pair')} of agents is not drawn."
     ] if n_left_out else []

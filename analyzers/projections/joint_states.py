@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
@@ -109,10 +109,19 @@ def _blocks(
         .sort("block", "agent", "start", "end", "column")
     )
     of_others = dict(met.group_by("block", "agent", maintain_order=True))
+    together = _together(rows, numbered)
     for (block, agent), part in shifted.group_by("block", "agent", maintain_order=True):
         for (other_block, other), other_part in of_others.items():
-            if other_block == block and other != agent:
+            if other_block == block and (agent, other) in together:
                 yield _find_meetings(part, other_part)
+
+
+def _together(rows: pl.DataFrame, executions: pl.DataFrame) -> set[tuple[Any, Any]]:
+    """Return the ordered pairs of different agents that are in one run."""
+    agents = executions.select("run_id", "agent").unique()
+    others = rows.select("run_id", other="agent").unique()
+    pairs = agents.join(others, on="run_id").select("agent", "other").unique()
+    return set(pairs.filter(pl.col("agent") != pl.col("other")).iter_rows())
 
 
 def _find_meetings(executions: pl.DataFrame, others: pl.DataFrame) -> _Meetings:

@@ -15,6 +15,7 @@ import polars as pl
 
 from hrclog.analyzers.projections.busy import BusyTime, busy_times
 from hrclog.analyzers.projections.critical_path import Precedence, critical_path, critical_path_lengths
+from hrclog.analyzers.projections.crowded import MOST_AGENTS
 from hrclog.analyzers.projections.frames import EVENTS_FRAME, INTERVALS_FRAME, SIGNALS_FRAME, check_frame
 from hrclog.analyzers.projections.intervals import top_level
 from hrclog.analyzers.projections.schemas import METRICS
@@ -43,8 +44,8 @@ def metrics(
             and the order of each agent's executions.
 
     Returns:
-        A frame of schema `METRICS`: fractions of T, but `*_s` in seconds, `*_m` in metres, `*_count` and
-        `mean_speed_scale` plain.
+        A frame of schema `METRICS`, without pairs of agents where a run has very many: fractions of T, but `*_s` in
+        seconds, `*_m` in metres, `*_count` and `mean_speed_scale` plain.
 
     Raises:
         HrclogError: a frame is not of its schema.
@@ -93,6 +94,8 @@ def _fluency(part: pl.DataFrame, busy: dict[str, BusyTime]) -> Iterator[Row]:
     agents = sorted(busy)
     for agent in agents:
         yield "idle", agent, 1 - busy[agent].total / total
+    if len(agents) > MOST_AGENTS:
+        return
     for agent, other in combinations(agents, 2):
         both = int(busy[other].within(busy[agent].start, busy[agent].end).sum())
         yield "concurrent_activity", f"{agent}|{other}", both / total

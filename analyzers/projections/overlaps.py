@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from hrclog.analyzers.projections.crowded import without_crowded
 from hrclog.analyzers.projections.frames import INTERVALS_FRAME, check_frame
 from hrclog.analyzers.projections.intervals import SORT, is_counted
 from hrclog.analyzers.projections.schemas import OVERLAPS, PAIR_OVERLAPS
@@ -31,8 +32,8 @@ _SIDE: Final = ("execution_id", "agent", "task")
 def overlaps(intervals: pl.DataFrame) -> pl.DataFrame:
     """Return the ordered pairs of executions of one run that overlap.
 
-    o = max(0, min(e_k, e_c) - max(b_k, b_c)). Auxiliary executions and steps of sequences are left out; pairs of one
-    agent with itself are included. An execution still open lasts until its `until_ns`.
+    o = max(0, min(e_k, e_c) - max(b_k, b_c)). Auxiliary executions, steps of sequences and crowded runs are left out;
+    pairs of one agent with itself are included. An execution still open lasts until its `until_ns`.
 
     Args:
         intervals: a frame of schema `INTERVALS`.
@@ -44,7 +45,7 @@ def overlaps(intervals: pl.DataFrame) -> pl.DataFrame:
         HrclogError: `intervals` is no intervals frame.
     """
     check_frame(intervals, INTERVALS_FRAME)
-    rows = intervals.filter(is_counted()).sort(SORT)
+    rows = without_crowded(intervals).filter(is_counted()).sort(SORT)
     first, second, overlap = sweep(rows["run_id"], rows["start_ns"], rows["until_ns"])
     ahead, behind = np.concatenate([first, second]), np.concatenate([second, first])
     sides = rows.select("run_id", *_SIDE, (pl.col("until_ns") - pl.col("start_ns")).alias("duration_ns"))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import fnmatch
-import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from hrclog.errors import LogReadError
+from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.wording import agree, counted
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def _list_names(names: Sequence[str]) -> str:
 def _run_names(folder: Path) -> list[str]:
     """Return the names of the analysed runs, [] if the folder does not say them."""
     try:
-        rows = json.loads((folder / "analysis.json").read_text(encoding="utf-8"))["runs"]
+        rows = read_json_file(folder / "analysis.json", RESULT_JSON)["runs"]
         return [str(row["name"]) for row in rows]
     except (OSError, ValueError, KeyError, TypeError):
         return []

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from hrclog.analyzers.projections.crowded import without_crowded
 from hrclog.analyzers.projections.intervals import is_learnt
 from hrclog.analyzers.projections.joint_states import State, segments
 from hrclog.analyzers.synergy.pairs import in_seconds, is_finished, overlapping_pairs
@@ -79,11 +80,12 @@ class Observations:
 
 
 def observe(intervals: pl.DataFrame) -> Observations:
-    """Collect what can be learnt from runs.
+    """Collect what can be learnt from runs; crowded ones are left out.
 
     Args:
         intervals: a frame of schema `INTERVALS`.
     """
+    intervals = without_crowded(intervals)
     rows = intervals.filter(is_learnt()).sort(_SORT)
     cut = segments(rows, intervals)
     lengths = (cut.end_ns - cut.start_ns) / 1e9

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from hrclog.analyzers.learning.ingest import Ingested, ingest_events
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import ImportDataError
 from hrclog.events import Event, RunStarted
+from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.exchange import import_json, is_export
 from hrclog.recorders.importers.mongo_dump import document_id, read_task_results
@@ -73,7 +73,7 @@ def _properties(path: Path) -> list[dict[str, Any]] | None:
         return None
     expected = "a JSON array of task properties"
     try:
-        documents = json.loads(path.read_text(encoding="utf-8-sig"))
+        documents = read_json_file(path, RESULT_JSON, "utf-8-sig")
     except (OSError, ValueError) as error:
         raise ImportDataError(path, f"what cannot be read ({error})", expected, "export it again") from error
     if not isinstance(documents, list) or not all(isinstance(document, Mapping) for document in documents):

@@ -17,6 +17,7 @@ import click
 from hrclog.cli.common import EXIT_DATA_LOST, EXIT_FAILED, EXIT_FINE, echo, json_option, print_json
 from hrclog.cli.on_run_end import Following, on_run_end_option
 from hrclog.cli.tag_option import tag_option
+from hrclog.json_text import EVENT_JSON
 from hrclog.wording import counted
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from hrclog.recorders.stdin import Hooks, Recording, Refused
 
 
-MAX_CHARACTERS: Final = 1 << 26
+MAX_CHARACTERS: Final = EVENT_JSON.n_bytes
 """Longest line; of a longer one the end is not read, and so it is refused."""
 
 

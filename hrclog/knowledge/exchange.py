@@ -12,6 +12,7 @@ from typing import Any, Final
 import polars as pl
 
 from hrclog.errors import HrclogError, ImportDataError, OutputError
+from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.documents import (
     Document,
@@ -199,7 +200,7 @@ def _write(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
 def _read(path: Path) -> Any:  # noqa: ANN401 - any JSON value
     expected = "what hrclog kb export wrote"
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return read_json_file(path, RESULT_JSON)
     except OSError as error:
         problem = f"a file that cannot be opened ({error.strerror})"
         raise ImportDataError(path, problem, expected, _REMEDY) from error

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hrclog.events import Role
+from hrclog.json_text import parse_json
 from hrclog.knowledge.rows import clean_text
 
 
@@ -41,10 +42,10 @@ def properties_from_row(row: Mapping[str, str]) -> TaskProperties:
     return TaskProperties(
         row["task"],
         row["task_type"],
-        tuple(json.loads(row["agents"])),
-        tuple(json.loads(row["targets"])),
+        tuple(parse_json(row["agents"])),
+        tuple(parse_json(row["targets"])),
         row["role"],
-        json.loads(row["expected_s"]),
+        parse_json(row["expected_s"]),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Final
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sqlalchemy import Connection, Table, select
 
 from hrclog.errors import KnowledgeError, ScenarioError
+from hrclog.json_text import parse_json
 from hrclog.knowledge.tables import (
     RESULT_ORDER,
     RUNS,
@@ -127,7 +127,7 @@ class View:
         values: dict[str, list[Any]] = {"time": [], "gap": []}
         try:
             for kind, value in self._connection.execute(select(TASK_TIMES.c.kind, TASK_TIMES.c.value)):
-                values[kind].append(json.loads(value))
+                values[kind].append(parse_json(value))
             record = {"times": values["time"], "gaps": values["gap"]}
             return task_times_from_json(JsonRecord(record, "task_times", ("times", "gaps")))
         except (ValueError, KeyError, ScenarioError) as error:

@@ -19,6 +19,7 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import LATEST_NS, AnnotationAdded
+from hrclog.json_text import parse_json
 from hrclog.log.mcap.records import Problem
 from hrclog.log.messages.message import UNSET_INT
 from hrclog.log.remarks import RECOVERED, remarks_among
@@ -171,9 +172,9 @@ def _loss_in(details: str) -> Loss:
 
 def _places(loss: Loss) -> Iterator[str]:
     try:
-        listed = json.loads(loss.get("losses", "[]"))
+        listed = parse_json(loss.get("losses", "[]"))
         texts = [f"byte {place['offset']}: {place['message']}" for place in listed]
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError):
         return
     yield from texts[:_MAX_SHOWN]
     if len(texts) > _MAX_SHOWN:

@@ -13,6 +13,7 @@ from hrclog.log.bags.folder import open_bag
 from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error
 from hrclog.log.files.names import BAG_METADATA, plain_name
 from hrclog.log.files.unpack import load
+from hrclog.log.limits import Budget
 from hrclog.log.losses import NO_FOOTER, recorded_remarks
 from hrclog.log.mcap.contents import Contents, Wanted
 from hrclog.log.mcap.indexed import read_contents
@@ -30,6 +31,7 @@ from hrclog.log.writing.journal import PARTIAL_SUFFIX
 from hrclog.wording import counted
 
 _MOST_RUNS: Final = 5  # named in a message
+_MOST_PROBLEMS: Final = 1000  # of one file that are told one by one
 
 
 def complaints(path: Path, diagnostics: list[Diagnostic]) -> Complain:
@@ -114,21 +116,25 @@ def read_part(path: Path, wanted: Wanted, complain: Complain, *, mapped: bool = 
     if file.kind is Format.SQLITE:
         from hrclog.log.bags.sqlite import read_database
 
-        contents = read_database(path, wanted, file.data or None)
+        contents = read_database(path, wanted, file.data or None, file.budget)
     elif file.kind is Format.ROS1:
         from hrclog.log.bags.ros1 import read_ros1
 
-        contents = read_ros1(path, file.data, wanted, by_index=mapped)
+        contents = read_ros1(path, file.data, wanted, file.budget, by_index=mapped)
     else:
-        contents = _read_mcap(path, file.data, wanted)
+        contents = _read_mcap(path, file.data, wanted, file.budget)
     contents.problems[:0] = file.problems
     _tell_of_contents(path, contents, complain)
     return contents
 
 
 def _tell_of_contents(path: Path, contents: Contents, complain: Complain) -> None:
-    for problem in contents.problems:
+    for problem in contents.problems[:_MOST_PROBLEMS]:
         complain(problem.code, problem.message, problem.offset)
+    untold = contents.problems[_MOST_PROBLEMS:]
+    if untold:
+        text = counted(len(untold), "more problem of this file is", "more problems of this file are")
+        complain("corrupt_data", f"{text} not listed; the first is at this byte", untold[0].offset)
     if contents.unprotected:
         complain("unprotected", "no checksum covers the messages of this file: damage to them cannot be seen", None)
     for code, text in recorded_remarks(contents.metadata):
@@ -153,12 +159,12 @@ def _tell_of_the_end(path: Path, contents: Contents, complain: Complain) -> None
         return
     if plain_name(path.name).endswith(PARTIAL_SUFFIX):
         complain("unfinished_log", "the log was not closed; `hrclog recover` closes it", None)
-    elif "truncated" not in codes:
+    elif not codes & {"truncated", "limit_reached"}:
         complain("truncated", NO_FOOTER, None)
 
 
-def _read_mcap(path: Path, data: bytes, wanted: Wanted) -> Contents:
-    contents = read_contents(data, wanted)
+def _read_mcap(path: Path, data: bytes, wanted: Wanted, budget: Budget) -> Contents:
+    contents = read_contents(data, wanted, budget)
     # a kill before or within the magic bytes leaves a prefix of them
     if contents.header is None and not contents.batches and not (data.startswith(MAGIC) or MAGIC.startswith(data)):
         raise foreign_error(path, data[:HEAD_BYTES])

@@ -24,6 +24,7 @@ from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error, recognis
 from hrclog.log.files.names import is_journal_name, plain_name
 from hrclog.log.files.system import exists, lock
 from hrclog.log.files.unpack import unpacked
+from hrclog.log.limits import Budget
 from hrclog.log.losses import (
     NO_FOOTER,
     Loss,
@@ -99,8 +100,9 @@ def recover(source: Path, path: Path | None = None, *, wait: bool = False) -> Re
     """
     target = path or finished_path(source)
     with locked_bytes(source, wait=wait) as raw:
-        data, torn = _unpacked(source, raw)
-        contents = read_streamed(data)
+        budget = Budget(len(raw))
+        data, torn = _unpacked(source, raw, budget)
+        contents = read_streamed(data, budget)
         if contents.header is None and not contents.batches and not contents.attachments:
             raise _nothing_in(source, data)
         is_journal = is_journal_name(source.name)
@@ -125,13 +127,13 @@ def recover(source: Path, path: Path | None = None, *, wait: bool = False) -> Re
     return Recovered(source, target, n_messages, problems, earlier)
 
 
-def _unpacked(source: Path, raw: bytes) -> tuple[bytes, list[Problem]]:
+def _unpacked(source: Path, raw: bytes, budget: Budget) -> tuple[bytes, list[Problem]]:
     """Return the bytes of an MCAP file, and what of a compressed one cannot be unpacked.
 
     Raises:
         LogReadError: it is a log of another format, or cannot be unpacked.
     """
-    file = unpacked(source, raw, recognise(raw[:HEAD_BYTES]))
+    file = unpacked(source, raw, recognise(raw[:HEAD_BYTES]), budget)
     if file.kind in (Format.SQLITE, Format.ROS1):
         remedy = "nothing to recover: `hrclog check` and `hrclog analyze` read it as it is, whole or damaged"
         raise LogReadError(source, f"{file.kind.value}", "a journal or another MCAP log", remedy)

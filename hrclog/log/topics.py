@@ -48,7 +48,7 @@ def part_facts(path: Path) -> PartFacts | None:
     try:
         file = load(path)
         is_mcap = file.kind in (Format.MCAP, Format.OTHER)  # a torn one may begin with anything
-        description = describe(file.data) if is_mcap else None
+        description = describe(file.data, file.budget) if is_mcap else None
         if description is not None:
             return PartFacts(Format.MCAP, _of_description(description), description)
         contents = read_part(path, lambda _channel, _schema: False, lambda *_: None, mapped=True)

@@ -178,7 +178,7 @@ def _take_part(
             topic = _topic(channel, schema)
             if not wants(*topic):
                 continue
-            part = without_compression(_select(batch, rows))
+            part = without_compression(_select(batch, rows), contents.budget)
             if channel_id not in decoders:
                 decoders[channel_id] = _decoder(channel, schema, content, definition(*topic))
             decode = decoders[channel_id]

@@ -19,6 +19,8 @@ from typing import IO, Any, Final
 
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import ImportDataError
+from hrclog.json_text import RESULT_JSON, check_depth, parse_json
+from hrclog.log.limits import UNPACKED_DUMP
 from hrclog.wording import counted
 
 _EXPECTED: Final = "a JSON array of task results, or one of them after the other"
@@ -26,6 +28,7 @@ _GZIP: Final = b"\x1f\x8b"
 _ZSTD: Final = b"\x28\xb5\x2f\xfd"
 _MOST_BYTES: Final = 2**30  # of a dump, so that a compressed one cannot fill the memory
 _PIECE: Final = 2**20
+_MOST_BROKEN: Final = 1000  # rows: each is read up to its damage, which may be far
 
 _BETWEEN: Final = re.compile(r"[\s,]*")
 _NEXT_DOCUMENT: Final = re.compile(r"^[ \t,\[]*(?=\{)", re.MULTILINE)
@@ -54,8 +57,8 @@ def read_dump(source: Path) -> DumpText:
     data, is_cut = _plain_bytes(source)
     text, is_cut = _decoded(source, data, is_cut=is_cut)
     try:
-        value = json.loads(text, object_hook=plain_value)
-    except (ValueError, RecursionError) as error:
+        value = parse_json(text, RESULT_JSON, object_hook=plain_value)
+    except ValueError as error:
         found = _values_one_by_one(source, text)
         if not found.values:
             raise ImportDataError(source, f"no JSON ({error})", _EXPECTED) from error
@@ -92,9 +95,10 @@ def _values_one_by_one(source: Path, text: str) -> DumpText:
             continue
         try:
             value, at = decoder.raw_decode(text, at)
+            check_depth(value)
         except (ValueError, RecursionError) as error:
             after = _NEXT_DOCUMENT.search(text, at + 1)
-            if after is None:
+            if after is None or len(dump.diagnostics) >= _MOST_BROKEN:
                 dump.diagnostics.append(_cut_off(source, text, at, len(dump.values), f" ({error})"))
                 return dump
             problem = f"line {_line(text, at)}: found no JSON ({error}), expected a task result; it was skipped"
@@ -158,12 +162,13 @@ def _unpacked(source: Path, stream: io.BufferedIOBase | io.RawIOBase | IO[bytes]
     from zstandard import ZstdError
 
     pieces, size = [], 0
+    most = min(_MOST_BYTES, UNPACKED_DUMP.of(source.stat().st_size))
     try:
         while piece := stream.read(_PIECE):
             pieces.append(piece)
             size += len(piece)
-            if size > _MOST_BYTES:
-                content = f"more than {_MOST_BYTES:,} bytes when unpacked"
+            if size > most:
+                content = f"more than {most:,} bytes when unpacked"
                 raise ImportDataError(source, content, "a smaller dump", "unpack it, and import it in parts")
     except (EOFError, zlib.error, ZstdError, gzip.BadGzipFile):
         return b"".join(pieces), True

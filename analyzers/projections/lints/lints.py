@@ -6,6 +6,7 @@ from typing import Final
 
 import polars as pl
 
+from hrclog.analyzers.projections.lints.crowded_runs import crowded_runs
 from hrclog.analyzers.projections.lints.identical_durations import identical_durations
 from hrclog.analyzers.projections.lints.idle_agents import idle_agents
 from hrclog.analyzers.projections.lints.implausible_times import implausible_times
@@ -47,6 +48,7 @@ LINTS: Final[tuple[Lint, ...]] = (
     single_outcome,
     one_agent,
     unlisted_pairs,
+    crowded_runs,
     unended_runs,
 )
 

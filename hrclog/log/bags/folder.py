@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -15,8 +16,9 @@ from hrclog.errors import LogReadError
 from hrclog.log.files.names import BAG_METADATA, COMPRESSIONS, is_log_name, plain_name
 
 _MOST_BYTES: Final = 1 << 20
-_LIST: Final = re.compile(r"^\s*relative_file_paths\s*:\s*(\[[^\]]*\])?[^\S\n]*$", re.MULTILINE)
-_ITEM: Final = re.compile(r"\s*-\s+(\S.*?)\s*\n")
+_KEY: Final = re.compile(r"^[^\S\n]*relative_file_paths[^\S\n]*:", re.MULTILINE)
+_LIST: Final = re.compile(r"(?:\s*+(\[[^\]]*+\]))?+[^\S\n]*+$", re.MULTILINE)
+_MOST_LISTS: Final = 10  # that are looked at: each may reach to the end of the file
 _QUOTES: Final = "'\""
 
 
@@ -60,19 +62,25 @@ def _listed(metadata: Path) -> list[str]:
             text = stream.read(_MOST_BYTES).decode(errors="replace")
     except OSError:
         return []
-    match = _LIST.search(text)
+    keys = islice(_KEY.finditer(text), _MOST_LISTS)
+    match = next(filter(None, (_LIST.match(text, key.end()) for key in keys)), None)
     if match is None:
         return []
-    if match.group(1):
-        items = match.group(1)[1:-1].split(",")
-    else:
-        items = []
-        position = match.end() + 1
-        while item := _ITEM.match(text, position):  # a last line without its end may be torn
-            items.append(item.group(1))
-            position = item.end()
+    items = match.group(1)[1:-1].split(",") if match.group(1) else _items(text[match.end() + 1 :])
     names = (PurePosixPath(item.strip().strip(_QUOTES)).name for item in items)
     return list(dict.fromkeys(name for name in names if name))
+
+
+def _items(text: str) -> list[str]:
+    """Return the items of a list that a text begins with."""
+    items: list[str] = []
+    for line in text.split("\n")[:-1]:  # a last line without its end may be torn
+        words = line.split(maxsplit=1)
+        if len(words) == 2 and words[0] == "-":
+            items.append(words[1])
+        elif words:
+            break
+    return items
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

@@ -17,6 +17,7 @@ import lz4.frame
 from mcap.records import Channel, Schema
 
 from hrclog.errors import LogReadError
+from hrclog.log.limits import CHANNELS, CHUNK, RECORDS, UNPACKED, Budget, LimitError
 from hrclog.log.mcap.contents import Contents, Wanted, batch_of
 from hrclog.log.mcap.records import Problem
 from hrclog.log.messages.definitions import ROS1, type_name
@@ -25,7 +26,6 @@ from hrclog.wording import counted
 VERSION: Final = b"#ROSBAG V2.0\n"
 
 _MESSAGE, _BAG_HEADER, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 5, 6, 7
-_MOST_CHUNK: Final = 1 << 28  # bytes after decompression; a larger chunk is taken for a decompression bomb
 _LZ4_FLAGS_AT: Final = 4  # behind the magic number
 _SIZE: Final = struct.Struct("<I")
 _TIME: Final = struct.Struct("<II")
@@ -39,13 +39,14 @@ _Row = tuple[int, int, bytes]
 """(channel, time in ns, message)."""
 
 
-def read_ros1(path: Path, data: bytes, wanted: Wanted, *, by_index: bool = False) -> Contents:
+def read_ros1(path: Path, data: bytes, wanted: Wanted, budget: Budget, *, by_index: bool = False) -> Contents:
     """Read a ROS 1 bag; `problems` says what is damaged or missing.
 
     Args:
         path: the file.
         data: what it holds.
         wanted: says of a channel and its schema whether its messages are needed.
+        budget: of the file.
         by_index: whether to pass over chunks that hold nothing wanted, as the index at the end says.
 
     Raises:
@@ -54,18 +55,21 @@ def read_ros1(path: Path, data: bytes, wanted: Wanted, *, by_index: bool = False
     if not data.startswith(VERSION):
         first_line = data[:20].partition(b"\n")[0]
         raise LogReadError(path, f"a ROS 1 bag of another version ({first_line!r})", f"{VERSION.strip()!r}")
-    reader = _Reader(data, wanted)
-    if by_index:
-        reader.read_index()
-    reader.read()
+    reader = _Reader(data, wanted, budget)
+    try:
+        if by_index:
+            reader.read_index()
+        reader.read()
+    except LimitError as error:
+        reader.stop(error)
     if reader.encryptor:
         raise LogReadError(path, f"a ROS 1 bag encrypted by {reader.encryptor!r}", "one that is not", "decrypt it")
     return reader.contents
 
 
 class _Reader:
-    def __init__(self, data: bytes, wanted: Wanted) -> None:
-        self.contents = Contents()
+    def __init__(self, data: bytes, wanted: Wanted, budget: Budget) -> None:
+        self.contents = Contents(budget=budget)
         self.encryptor = b""
         self._data = data
         self._wanted = wanted
@@ -73,6 +77,8 @@ class _Reader:
         self._counts: dict[int, int] = {}
         self._has_checksum = False
         self._skipped: dict[int, _Listed] = {}
+        self._position = len(VERSION)
+        self._loose: list[_Row] = []
 
     def read_index(self) -> None:
         """Take the connections of a closed bag from its end, and note which chunks hold nothing wanted."""
@@ -92,11 +98,11 @@ class _Reader:
         }
 
     def read(self) -> None:
-        contents, rows = self.contents, list[_Row]()
+        contents = self.contents
         position, index_position = len(VERSION), 0
         for fields, start, end in _records(self._data, position):
             listed = self._skipped.get(position)
-            position = end
+            self._position, position = position, end
             code = _code(fields)
             if code == _BAG_HEADER:
                 index_position = int.from_bytes(fields.get(b"index_pos", b""), "little")
@@ -108,12 +114,11 @@ class _Reader:
             elif code == _CHUNK and end > start:  # the head of the chunk that was being written tells no length
                 self._take_chunk(fields, start, end)
             else:
-                self._take(self._data, fields, start, end, rows)
-        self._add(rows)
+                self._take(self._data, fields, start, end, self._loose)
+        self._add(self._loose)
         left = len(self._data) - position
         contents.finished = index_position > 0
-        contents.counts = self._counts
-        contents.unprotected = bool(self._counts) and not self._has_checksum
+        self._tell_counts()
         if not contents.finished:
             tail = f" and its last {counted(left, 'byte is', 'bytes are')} no whole record" if left else ""
             text = f"the ROS 1 bag was not closed: it has no index{tail}; {_REINDEX}"
@@ -122,10 +127,26 @@ class _Reader:
             text = f"the ROS 1 bag breaks off: its last {counted(left, 'byte is', 'bytes are')} no whole record"
             contents.problems.append(Problem("truncated", position, f"{text}; {_REINDEX}"))
 
+    def stop(self, error: LimitError) -> None:
+        """Report that a limit is reached, and keep what was read."""
+        self._add(self._loose)
+        self.contents.finished = True  # what is behind the limit is not known
+        self._tell_counts()
+        n_left = len(self._data) - self._position
+        text = f"{error}; {counted(n_left, 'byte')} from here on were not read"
+        self.contents.problems.append(Problem("limit_reached", self._position, text, n_left))
+
+    def _tell_counts(self) -> None:
+        self.contents.counts = self._counts
+        self.contents.unprotected = bool(self._counts) and not self._has_checksum
+
     def _take_chunk(self, chunk: _Fields, start: int, end: int) -> None:
         rows: list[_Row] = []
         try:
-            content = _expand(chunk, self._data[start:end])
+            content = _expand(chunk, self._data[start:end], self.contents.budget)
+        except LimitError as error:
+            self.contents.problems.append(Problem("limit_reached", start, f"{error}; a chunk was skipped", end - start))
+            return
         except (ValueError, OSError, EOFError, RuntimeError, MemoryError) as error:
             text = f"a chunk of {counted(end - start, 'byte')} cannot be unpacked ({error}) and was skipped"
             self.contents.problems.append(Problem("corrupt_data", start, text))
@@ -134,6 +155,7 @@ class _Reader:
         position = 0
         for fields, first, last in _records(content, 0):
             position = last
+            self.contents.budget.spend(RECORDS)
             self._take(content, fields, first, last, rows)
         if position < len(content):
             left = counted(len(content) - position, "byte of a chunk is", "bytes of a chunk are")
@@ -152,14 +174,16 @@ class _Reader:
                 rows.append((number, time_ns, data[start:end]))
 
     def _declare(self, number: int, fields: _Fields, data: bytes) -> None:
+        if number in self.contents.channels:
+            return
+        self.contents.budget.spend(CHANNELS)
         kind = _fields(data) or {}
         text = {name: kind.get(name, b"").decode(errors="replace") for name in (b"type", b"message_definition")}
         name, definition = type_name(text[b"type"]), text[b"message_definition"].encode()
         topic = fields.get(b"topic", b"").decode(errors="replace")
-        schema = self.contents.schemas.setdefault(
-            number, Schema(id=number, name=name, encoding="ros1msg", data=definition)
-        )
-        channel = self.contents.channels.setdefault(number, Channel(number, topic, ROS1, {}, number))
+        schema = Schema(id=number, name=name, encoding="ros1msg", data=definition)
+        channel = Channel(number, topic, ROS1, {}, number)
+        self.contents.schemas[number], self.contents.channels[number] = schema, channel
         if self._wanted(channel, schema):
             self._wanted_ids.add(number)
 
@@ -209,13 +233,13 @@ def _has_checksum(chunk: _Fields, content: bytes) -> bool:
     )
 
 
-def _expand(chunk: _Fields, content: bytes) -> bytes:
+def _expand(chunk: _Fields, content: bytes, budget: Budget) -> bytes:
     size = int.from_bytes(chunk.get(b"size", b""), "little")
-    if size > _MOST_CHUNK:
-        raise ValueError(f"it says that it unpacks to {counted(size, 'byte')}, expected at most {_MOST_CHUNK:,}")
     name = chunk.get(b"compression", b"none")
     if name == b"none":
         return content
+    budget.check(CHUNK, size)
+    budget.spend(UNPACKED, size)
     if name == b"bz2":
         unpacked = bz2.BZ2Decompressor().decompress(content, max_length=size + 1)
     elif name == b"lz4":

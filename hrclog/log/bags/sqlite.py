@@ -16,6 +16,7 @@ from mcap.records import Channel, Schema
 
 from hrclog.errors import LogReadError, NoLogError
 from hrclog.log.bags.sqlite_rows import Damage, message_rows
+from hrclog.log.limits import CHANNELS, DECLARATIONS, ROW, STEPS, UNPACKED, Budget, LimitError
 from hrclog.log.mcap.contents import Contents, Wanted, batch_of
 from hrclog.log.mcap.records import Problem
 from hrclog.wording import counted
@@ -23,27 +24,33 @@ from hrclog.wording import counted
 _SIDECARS: Final = ("-wal", "-journal")
 _BATCH_BYTES: Final = 1 << 22
 _INT64: Final = 2**63
+_SQLITE_LENGTH: Final = 10**9
+_STEP: Final = 10_000  # of the database, after which they are counted
 
 _Row = tuple[int, int, bytes]
 """(topic, time in ns, message)."""
 
 
-def read_database(path: Path, wanted: Wanted, content: bytes | None) -> Contents:
+def read_database(path: Path, wanted: Wanted, content: bytes | None, budget: Budget) -> Contents:
     """Read the messages of a part of a bag, as far as it is whole.
 
     Args:
         path: the file; a journal of SQLite beside it is taken into account.
         wanted: says of a channel and its schema whether its messages are needed.
         content: what the file holds, if it was compressed.
+        budget: of the file.
 
     Raises:
-        LogReadError: it cannot be opened, or is no part of a bag.
+        LogReadError: it cannot be opened, is no part of a bag, or declares more than its limit.
     """
-    contents = Contents(finished=True)
+    contents = Contents(finished=True, budget=budget)
     try:
         with _opened(path, content) as database:
+            _limit(database, budget if content is None else Budget(len(content)))
             _declare(database, contents, path)
             _read_messages(database, contents, wanted)
+    except LimitError as error:
+        raise LogReadError(path, f"an SQLite file that asks for too much ({error})", "a part of a ROS 2 bag") from error
     except (sqlite3.Error, OSError, UnicodeDecodeError) as error:
         description = f"an SQLite file that cannot be read ({error})"
         raise LogReadError(path, description, "a part of a ROS 2 bag") from error
@@ -78,6 +85,19 @@ def _opened(path: Path, content: bytes | None) -> Iterator[sqlite3.Connection]:
             database.close()
 
 
+def _limit(database: sqlite3.Connection, budget: Budget) -> None:
+    """Bound what the database may cost: its tables can compute what they hold, also texts of a gigabyte."""
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(budget.most(ROW), _SQLITE_LENGTH))
+    n_left = budget.most(STEPS) // _STEP
+
+    def count() -> bool:
+        nonlocal n_left
+        n_left -= 1
+        return n_left < 0
+
+    database.set_progress_handler(count, _STEP)
+
+
 def _declare(database: sqlite3.Connection, contents: Contents, path: Path) -> None:
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"topics", "messages"} <= tables or not {"topic_id", "timestamp", "data"} <= _columns(database, "messages"):
@@ -85,10 +105,15 @@ def _declare(database: sqlite3.Connection, contents: Contents, path: Path) -> No
     definitions: dict[str, tuple[str, str]] = {}
     if "message_definitions" in tables:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-        definitions = {str(name): (str(encoding), str(text)) for name, encoding, text in database.execute(query)}
+        for name, encoding, text in database.execute(query):
+            contents.budget.spend(DECLARATIONS)
+            contents.budget.spend(UNPACKED, len(text) if isinstance(text, str | bytes) else 0)
+            definitions[str(name)] = str(encoding), str(text)
     for topic_id, name, kind, encoding in database.execute("SELECT id, name, type, serialization_format FROM topics"):
         if not isinstance(topic_id, int):
             continue
+        contents.budget.spend(CHANNELS)
+        contents.budget.spend(UNPACKED, len(str(name)) + len(str(kind)))
         language, text = definitions.get(str(kind), ("", ""))
         contents.schemas[topic_id] = Schema(id=topic_id, name=str(kind), encoding=language, data=text.encode())
         contents.channels[topic_id] = Channel(topic_id, str(name), str(encoding), {}, topic_id)
@@ -104,12 +129,19 @@ def _read_messages(database: sqlite3.Connection, contents: Contents, wanted: Wan
         _count_messages(database, contents)
         return
     batch_rows: list[_Row] = []
-    n_bytes, n_odd = 0, 0
+    n_bytes, n_odd, n_read = 0, 0, 0
     damage = Damage()
     for topic_id, time_ns, data in message_rows(database, ids, damage):
         if not _is_message(time_ns, data):
             n_odd += 1
             continue
+        try:
+            contents.budget.spend(UNPACKED, len(data))
+        except LimitError as error:
+            text = f"{error}; the messages behind the first {counted(n_read, 'message')} of our topics were not read"
+            contents.problems.append(Problem("limit_reached", 0, text))
+            break
+        n_read += 1
         batch_rows.append((topic_id, time_ns, data))
         n_bytes += len(data)
         if n_bytes > _BATCH_BYTES:

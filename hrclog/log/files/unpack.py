@@ -13,15 +13,11 @@ import zstandard
 from hrclog.errors import LogReadError
 from hrclog.log.files.formats import HEAD_BYTES, Format, recognise
 from hrclog.log.files.mapped import map_file
+from hrclog.log.limits import WHOLE_FILE, Budget, LimitError
 from hrclog.log.mcap.records import Problem
 from hrclog.wording import counted
 
-MOST_BYTES: Final = 1 << 31
-"""No file or message is unpacked to more."""
-
-_FREE_BYTES: Final = 1 << 26  # so much may come of any input, however small
-_MOST_TIMES: Final = 250  # logs compress to a fiftieth at best, bombs to less than a thousandth
-_PIECE: Final = 1 << 12  # bytes of input at a time: 4 KiB of zstd unpack to 128 MiB at most
+_PIECE: Final = 1 << 10  # bytes of input at a time: of zstd they unpack to 32 MiB at most
 _LAYERS: Final = 2
 
 _Stream = Any  # a decompression object of zlib or zstandard: `decompress`, `eof` and `unused_data`
@@ -30,10 +26,6 @@ _STREAMS: Final[dict[Format, Callable[[], _Stream]]] = {
     Format.ZSTD: lambda: zstandard.ZstdDecompressor().decompressobj(),
 }
 _DAMAGE: Final = (zlib.error, zstandard.ZstdError, MemoryError)
-
-
-class TooLargeError(ValueError):
-    """Unpacked data would exceed their bound."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,23 +39,22 @@ class Unpacked:
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A file's kind and bytes, unpacked, and what could not be; `data` is empty where SQLite reads the file itself."""
+    """A file's kind and bytes, unpacked, and what could not be; `data` is empty where SQLite reads the file itself.
+
+    `budget` is that of the file as it lies on the disk.
+    """
 
     kind: Format
     data: bytes
     problems: list[Problem]
-
-
-def bound(n_bytes: int) -> int:
-    """Return to how many bytes an input may unpack."""
-    return min(MOST_BYTES, max(_FREE_BYTES, _MOST_TIMES * n_bytes))
+    budget: Budget
 
 
 def unpack(data: bytes, kind: Format, limit: int) -> Unpacked:
     """Unpack one frame of zstd or gzip after the other, as far as they are whole.
 
     Raises:
-        TooLargeError: more than `limit` bytes come out.
+        LimitError: more than `limit` bytes come out.
     """
     frames: list[bytes] = []
     n_bytes, position = 0, 0
@@ -94,7 +85,7 @@ def _frame(data: bytes, kind: Format, begin: int, limit: int) -> Unpacked:
             return Unpacked(b"".join([*pieces, piece]), position, str(error))
         n_bytes += len(piece)
         if n_bytes > limit:
-            raise TooLargeError(f"{counted(len(data), 'byte')} that unpack to more than {counted(limit, 'byte')}")
+            raise LimitError(WHOLE_FILE, n_bytes, limit)
         pieces.append(piece)
         position = min(position + _PIECE, len(data))
     return Unpacked(b"".join(pieces), position - len(stream.unused_data))
@@ -132,18 +123,20 @@ def load(path: Path, *, mapped: bool = False) -> Loaded:
             data = b"" if mapped or kind is Format.SQLITE else stream.read()
         if mapped and kind is not Format.SQLITE:
             data = map_file(path)
+        budget = Budget(len(data) or path.stat().st_size)
     except OSError as error:
         raise LogReadError(path, f"a file that cannot be opened ({error.strerror})", "an event log") from error
-    return unpacked(path, data, kind)
+    return unpacked(path, data, kind, budget)
 
 
-def unpacked(path: Path, data: bytes, kind: Format) -> Loaded:
+def unpacked(path: Path, data: bytes, kind: Format, budget: Budget) -> Loaded:
     """Undo the compression of a file that was read.
 
     Args:
         path: the file.
         data: its bytes.
         kind: its format.
+        budget: of the file.
 
     Raises:
         LogReadError: it unpacks to too much, was compressed more than twice, or holds nothing that can be unpacked.
@@ -151,24 +144,26 @@ def unpacked(path: Path, data: bytes, kind: Format) -> Loaded:
     problems: list[Problem] = []
     for _ in range(_LAYERS):
         if kind in _STREAMS:
-            layer = _unpack_file(path, data, kind)
-            problems += layer.problems
-            data, kind = layer.data, recognise(layer.data[:HEAD_BYTES])
+            data, layer_problems = _unpack_file(path, data, kind, budget.left(WHOLE_FILE))
+            budget.spend(WHOLE_FILE, len(data))
+            problems += layer_problems
+            kind = recognise(data[:HEAD_BYTES])
     if kind in _STREAMS:
         raise LogReadError(path, f"a file compressed more than {_LAYERS} times", "a log", "unpack it first")
-    return Loaded(kind, data, problems)
+    return Loaded(kind, data, problems, budget)
 
 
-def _unpack_file(path: Path, data: bytes, kind: Format) -> Loaded:
+def _unpack_file(path: Path, data: bytes, kind: Format, limit: int) -> tuple[bytes, list[Problem]]:
     try:
-        content = unpack(data, kind, bound(len(data)))
-    except TooLargeError as error:
-        raise LogReadError(path, str(error), "a log", "unpack it yourself if it really is one") from error
+        content = unpack(data, kind, limit)
+    except LimitError as error:
+        what = f"{counted(len(data), 'byte')} that unpack to more than {counted(limit, 'byte')}"
+        raise LogReadError(path, what, f"a log ({error})", "unpack it yourself if it really is one") from error
     if not content.trouble:
-        return Loaded(kind, content.data, [])
+        return content.data, []
     if not content.data:
         raise LogReadError(path, f"{kind.value} that cannot be unpacked ({content.trouble})", "a whole file")
     n_left = len(data) - content.n_read
     left = f"; its last {counted(n_left, 'byte')} could not be unpacked" if n_left else ""
     text = f"the compressed file is damaged ({content.trouble}){left}"
-    return Loaded(kind, content.data, [Problem("truncated", content.n_read, text)])
+    return content.data, [Problem("truncated", content.n_read, text)]

@@ -13,10 +13,12 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Header, Metadata, Schema
 
 from hrclog.arrays import IntArray
+from hrclog.log.limits import CHANNELS, DECLARATIONS, Budget
 from hrclog.log.mcap.attachments import Attachment, attachment_at, damage_text
 from hrclog.log.mcap.records import Problem, Record, parse
 
 _JOINED_BYTES: Final = 1 << 22
+_DECLARED: Final = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA)
 
 Wanted = Callable[[Channel, Schema | None], bool]
 """Says of a channel and its schema whether its messages are needed."""
@@ -82,6 +84,7 @@ class Contents:
         finished: whether the file has a footer.
         counts: messages of each channel, also of those that were not read, where the file says or tells them.
         unprotected: whether there are messages, and no checksum covers any of them.
+        budget: what the reader of the file may still spend.
     """
 
     header: Header | None = None
@@ -94,6 +97,8 @@ class Contents:
     finished: bool = False
     counts: Mapping[int, int] = field(default_factory=dict)
     unprotected: bool = False
+    budget: Budget = field(default_factory=lambda: Budget(None))
+    _known: set[bytes] = field(default_factory=set)
 
     def topics(self) -> Counter[tuple[str, str]]:
         """Return how many messages there are of each (topic, type)."""
@@ -116,8 +121,19 @@ class Contents:
 
         Raises:
             ForeignRecordError: it differs from the declaration that counts.
+            LimitError: the file declares too much.
             ValueError: the record is damaged.
         """
+        raw = bytes(data[record[1] : record[3]]) if record[0] in _DECLARED else b""
+        if raw in self._known:
+            return
+        if raw:
+            self.budget.spend(DECLARATIONS)
+        self._declare(data, record)
+        if raw and record[0] != Opcode.METADATA:
+            self._known.add(raw)  # many files repeat their declarations in each chunk
+
+    def _declare(self, data: bytes, record: Record) -> None:
         match record[0]:
             case Opcode.HEADER:
                 header = parse(Header, data, record)
@@ -130,6 +146,8 @@ class Contents:
                     raise ForeignRecordError(f"{text}: records of another file")
             case Opcode.CHANNEL:
                 channel = parse(Channel, data, record)
+                if channel.id not in self.channels:
+                    self.budget.spend(CHANNELS)
                 declared = self.channels.setdefault(channel.id, channel)
                 if declared != channel:
                     text = f"channel {channel.id} is declared as {channel.topic!r}, and before as {declared.topic!r}"
@@ -145,6 +163,7 @@ class Contents:
         Raises:
             ValueError: the record is damaged.
         """
+        self.budget.spend(DECLARATIONS)
         attachment = attachment_at(data, record[2], record[3])
         if attachment.is_intact:
             self.attachments.append(attachment)

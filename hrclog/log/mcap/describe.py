@@ -10,6 +10,7 @@ from typing import Any, Final
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Statistics
 
+from hrclog.log.limits import RECORDS, Budget, LimitError
 from hrclog.log.mcap.attachments import attachment_at, damage_text
 from hrclog.log.mcap.contents import Contents
 from hrclog.log.mcap.records import MAGIC, Problem, Record, Span, Walk, expand, next_chunk, parse, record_at
@@ -136,10 +137,19 @@ class Description:
         return document
 
 
-def describe(data: bytes) -> Description | None:
-    """Return what a file is, None if it is no MCAP file."""
-    begin = len(MAGIC) if data.startswith(MAGIC) else next_chunk(data, 0, len(data), len(data))
-    return None if begin is None else _Describer(data).describe(begin)
+def describe(data: bytes, budget: Budget | None = None) -> Description | None:
+    """Return what a file is, None if it is no MCAP file.
+
+    Args:
+        data: the file.
+        budget: of the file; without one it is that of a file of these bytes.
+    """
+    budget = budget or Budget(len(data))
+    try:
+        begin = len(MAGIC) if data.startswith(MAGIC) else next_chunk(data, 0, len(data), len(data), budget)
+    except LimitError:
+        begin = None
+    return None if begin is None else _Describer(data, budget).describe(begin)
 
 
 class _Tally:
@@ -160,9 +170,10 @@ class _Tally:
 
 
 class _Describer:
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, budget: Budget) -> None:
         self._data = data
-        self._contents = Contents()
+        self._budget = budget
+        self._contents = Contents(budget=budget)
         self._problems: list[Problem] = []
         self._loose = _Tally()  # messages outside of chunks
         self._listed = _Tally()  # messages in chunks, as message indexes and the heads of chunks list them
@@ -178,10 +189,12 @@ class _Describer:
         self._others: Counter[int] = Counter()
 
     def describe(self, begin: int) -> Description:
-        walk = Walk(self._data, self._problems, begin)
+        walk = Walk(self._data, self._problems, begin, self._budget)
         for record in walk:
             try:
                 self._take(record)
+            except LimitError as error:
+                walk.refuse(record, error)
             except ValueError as error:
                 walk.distrust(record, str(error))
         tally = self._listed_messages() or self._counted_messages()
@@ -306,7 +319,11 @@ class _Describer:
         inside = _Tally()
         for chunk in self._chunk_records:
             try:
-                self._count(expand(self._data, chunk), inside)
+                self._count(expand(self._data, chunk, self._budget), inside)
+            except LimitError as error:
+                self._problems.append(Problem("limit_reached", chunk[1], str(error)))
+                if error.limit.ends_reading:
+                    break
             except ValueError as error:
                 self._problems.append(Problem("corrupt_data", chunk[1], str(error)))
         return _merged(self._loose, inside)
@@ -317,6 +334,7 @@ class _Describer:
             record = record_at(buffer, position, end)
             if record is None:
                 raise ValueError("a chunk holds bytes that are no record")
+            self._budget.spend(RECORDS)
             if record[0] == Opcode.MESSAGE:
                 tally.add(*_channel_and_time(buffer, record))
             elif record[0] in _KNOWN:

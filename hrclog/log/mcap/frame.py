@@ -12,6 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, DataEnd, Footer, MetadataIndex, Statistics, SummaryOffset
 
 from hrclog.arrays import IntArray
+from hrclog.log.limits import FRAME, LimitError
 from hrclog.log.mcap.records import MAGIC, PREFIX, Record, parse, record_at
 
 HEAD: Final = np.dtype(
@@ -35,6 +36,8 @@ _SAID: Final[dict[int, tuple[str, Any]]] = {
     Opcode.DATA_END: ("data_ends", DataEnd),
     Opcode.FOOTER: ("footers", Footer),
 }
+_ONCE: Final = (Opcode.STATISTICS, Opcode.DATA_END, Opcode.FOOTER)
+_MOST_OF_ONE: Final = 8  # each is compared with the whole file
 _FIXED: Final = {
     SummaryOffset: struct.Struct("<BQQ"),
     DataEnd: struct.Struct("<I"),
@@ -74,11 +77,15 @@ class Listing:
     footers: list[tuple[int, Footer]] = field(default_factory=list)
 
 
-def survey(data: bytes) -> Frame:
+def survey(data: bytes, most: int) -> Frame:
     """Return the frame of a file whose records follow each other from its first byte to its last.
 
+    Args:
+        data: the file.
+        most: how many records outside of chunks it may have.
+
     Raises:
-        ValueError: they do not, or there are messages outside of chunks.
+        ValueError: they do not, there are messages outside of chunks, or too many other records.
     """
     frame = Frame()
     chunks, others = frame.chunks, frame.others
@@ -94,11 +101,13 @@ def survey(data: bytes) -> Frame:
         else:
             others[position] = record
         position = record[3]
+        if len(others) > most:
+            raise LimitError(FRAME, len(others), most)
     return frame
 
 
 def listing(data: bytes, frame: Frame) -> Listing:
-    """Parse what a file says of itself.
+    """Parse what a file says of itself; of what can be there only once, a few are enough.
 
     Raises:
         ValueError: a record is damaged.
@@ -107,7 +116,9 @@ def listing(data: bytes, frame: Frame) -> Listing:
     for offset, record in frame.others.items():
         if record[0] in _SAID:
             name, record_class = _SAID[record[0]]
-            getattr(said, name).append((offset, _parse(record_class, data, record)))
+            records = getattr(said, name)
+            if record[0] not in _ONCE or len(records) < _MOST_OF_ONE:
+                records.append((offset, _parse(record_class, data, record)))
     return said
 
 

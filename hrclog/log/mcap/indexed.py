@@ -9,6 +9,7 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, Statistics
 
 from hrclog.arrays import IntArray, UintArray
+from hrclog.log.limits import FRAME, RECORDS, Budget
 from hrclog.log.mcap.completeness import count_problems, data_problems, frame_problems, match_chunks
 from hrclog.log.mcap.contents import Batch, Contents, Wanted, channel_counts
 from hrclog.log.mcap.frame import has_checksum, listing, survey
@@ -26,31 +27,40 @@ _SPARSE: Final = 4
 _FOOTER_SIZE: Final = PREFIX.size + 20 + len(MAGIC)
 
 
-def read_contents(data: bytes, wanted: Wanted | None = None) -> Contents:
+def read_contents(data: bytes, wanted: Wanted | None = None, budget: Budget | None = None) -> Contents:
     """Read a file, by its index where that is complete and else from front to end.
 
     Args:
         data: the file.
         wanted: says of a channel and its schema whether its messages are needed; None means all are.
+        budget: of the file; without one it is that of a file of these bytes.
     """
+    budget = budget or Budget(len(data))
     try:
-        return read_indexed(data, wanted)
+        return read_indexed(data, wanted, budget.fresh())
     except ValueError:
-        return read_streamed(data)
+        pass
+    return read_streamed(data, budget)  # here, where the error no longer keeps what was read by the index
 
 
-def read_indexed(data: bytes, wanted: Wanted | None = None) -> Contents:
+def read_indexed(data: bytes, wanted: Wanted | None = None, budget: Budget | None = None) -> Contents:
     """Read a file by its index, if all that the file says of itself fits.
 
     Of chunks that hold nothing wanted, only the heads are looked at.
 
+    Args:
+        data: the file.
+        wanted: as of `read_contents`.
+        budget: of the file; without one it is that of a file of these bytes.
+
     Raises:
-        ValueError: there is no index, or something does not fit.
+        ValueError: there is no index, something does not fit, or a limit is reached.
     """
+    budget = budget or Budget(len(data))
     _summary_at(data)
-    frame = survey(data)
+    frame = survey(data, budget.most(FRAME))
     said = listing(data, frame)
-    contents = Contents(finished=True)
+    contents = Contents(finished=True, budget=budget)
     for record in frame.others.values():
         if record[0] == Opcode.ATTACHMENT:
             contents.attach(data, record)
@@ -130,7 +140,8 @@ def _batch(data: bytes, index: ChunkIndex, contents: Contents) -> Batch:
         ValueError: the chunk is damaged, or the offsets do not lead to all its messages, one behind the other.
     """
     channels, starts, times = _entries(data, index)
-    buffer, begin, end = expand(data, _expect(data, index.chunk_start_offset, Opcode.CHUNK))
+    contents.budget.spend(RECORDS, len(starts))
+    buffer, begin, end = expand(data, _expect(data, index.chunk_start_offset, Opcode.CHUNK), contents.budget)
     raw = np.frombuffer(buffer, np.uint8, end - begin, begin)
     if not len(starts):
         heads = np.empty(0, _MESSAGE_DTYPE)
@@ -166,6 +177,7 @@ def _check_declarations(buffer: bytes, position: int, end: int, contents: Conten
         record = record_at(buffer, position, end)
         if record is None or record[0] == Opcode.MESSAGE:
             raise ValueError("a chunk holds a message that no message index leads to, or no record")
+        contents.budget.spend(RECORDS)
         contents.keep(buffer, record)
         position = record[3]
 

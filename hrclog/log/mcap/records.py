@@ -19,6 +19,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
+from hrclog.log.limits import CHECKED, CHUNK, UNPACKED, Budget, LimitError
 from hrclog.log.mcap.attachments import attachment_at
 from hrclog.wording import counted
 
@@ -30,9 +31,10 @@ FIRST_OF_APPLICATIONS: Final = 0x80
 """The first opcode that MCAP leaves to applications."""
 
 _CHUNK: Final = struct.Struct("<QQQI")  # start time, end time, uncompressed size, CRC
-_MAX_CHUNK: Final = 1 << 28  # bytes after decompression; a larger chunk is taken for a decompression bomb
 _OPCODES: Final = frozenset(map(int, Opcode))
 _HOLDING_ANYTHING: Final = (Opcode.MESSAGE, Opcode.SCHEMA)
+_IN_CHUNKS: Final = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
+_STRIDE: Final = 64  # of the records of a chain, every so manyth is remembered
 _LIKELY_CHUNK: Final = re.compile(rb"\x06[\x00-\xff]{4}\x00{4}", re.DOTALL)  # opcode, length below 4 GiB
 
 Record = tuple[int, int, int, int]
@@ -71,15 +73,17 @@ class Walk:
         data: the file.
         problems: takes what could not be read.
         begin: where to start; 0 means behind the magic bytes.
-        end: where to stop.
+        budget: of the file; without one it is that of a file of these bytes.
     """
 
-    def __init__(self, data: bytes, problems: list[Problem], begin: int = 0, end: int | None = None) -> None:
+    def __init__(self, data: bytes, problems: list[Problem], begin: int = 0, budget: Budget | None = None) -> None:
         self._data = data
         self._problems = problems
-        self._end = len(data) if end is None else end
+        self._end = len(data)
+        self._budget = budget or Budget(len(data))
         self._chunked = False
         self._led_to = 0  # from here to there records follow each other
+        self._leads: dict[int, bool] = {}  # whether the records from here on do, to a chunk or the end
         self._position = begin or (len(MAGIC) if data.startswith(MAGIC) else 0)
 
     def __iter__(self) -> Iterator[Record]:
@@ -87,10 +91,14 @@ class Walk:
             if self._data.startswith(MAGIC, self._position) and self._position + len(MAGIC) == self._end:
                 return
             record = record_at(self._data, self._position, self._end)
+            try:
+                hidden = self._behind_gap() if record is None else self._hidden_chunk(record)
+            except LimitError as error:
+                self.stop(self._position, error)
+                return
             if record is None:
-                self._skip_gap()
+                self._skip_gap(hidden)
                 continue
-            hidden = self._hidden_chunk(record)
             if hidden is not None:
                 self._problems.append(_gap(self._position, hidden))
                 self._go_on(hidden)
@@ -100,12 +108,35 @@ class Walk:
 
     def distrust(self, record: Record, reason: str) -> None:
         """Report a record that was just yielded as damaged; its length may be wrong, so look for chunks inside it."""
-        inside = next_chunk(self._data, record[1] + 1, record[3], self._end)
+        try:
+            inside = self._next_chunk(record[1] + 1, record[3])
+        except LimitError as error:
+            self.stop(record[1], error)
+            return
         self._go_on(record[3] if inside is None else inside)
         self._problems.append(Problem("corrupt_data", record[1], reason, self._position - record[1]))
 
-    def _skip_gap(self) -> None:
-        following = next_chunk(self._data, self._position + 1, self._end, self._end)
+    def refuse(self, record: Record, error: LimitError) -> None:
+        """Report that a record that was just yielded asks for too much, and go on behind it, or nowhere."""
+        if error.limit.ends_reading:
+            self.stop(record[1], error)
+        else:
+            self._problems.append(Problem("limit_reached", record[1], str(error), record[3] - record[1]))
+
+    def stop(self, offset: int, error: LimitError) -> None:
+        """Report that a limit is reached, and end the walk."""
+        n_left = self._end - offset
+        text = f"{error}; {counted(n_left, 'byte')} from here on were not read"
+        self._problems.append(Problem("limit_reached", offset, text, n_left))
+        self._position = self._end
+
+    def _next_chunk(self, begin: int, before: int) -> int | None:
+        return next_chunk(self._data, begin, before, self._end, self._budget)
+
+    def _behind_gap(self) -> int | None:
+        return self._next_chunk(self._position + 1, self._end)
+
+    def _skip_gap(self, following: int | None) -> None:
         if following is None:
             n_left = self._end - self._position
             text = f"the file ends inside a record; its last {counted(n_left, 'byte was', 'bytes were')} ignored"
@@ -124,14 +155,14 @@ class Walk:
         if opcode == Opcode.CHUNK:
             self._chunked = True
             body_end = _body_end(self._data, record)
-            return None if body_end >= end else next_chunk(self._data, body_end, end, self._end)
+            return None if body_end >= end else self._next_chunk(body_end, end)
         if opcode == Opcode.MESSAGE and not self._chunked:  # messages may hold anything
             return None
         if opcode == Opcode.ATTACHMENT and (own_end := self._attachment_end(start, end)):
-            return next_chunk(self._data, own_end, end, self._end)
-        if _has_valid_checksum(self._data, record):  # a chunk under another opcode
+            return self._next_chunk(own_end, end)
+        if _has_valid_checksum(self._data, record, self._budget):  # a chunk under another opcode
             return _body_end(self._data, record)
-        inside = next_chunk(self._data, offset + 1, end, self._end)
+        inside = self._next_chunk(offset + 1, end)
         may_hold_anything = opcode not in _OPCODES or opcode in _HOLDING_ANYTHING
         if inside is not None and may_hold_anything and self._leads_on(end):
             return None
@@ -149,15 +180,24 @@ class Walk:
         """Return whether records follow each other from a position to a valid chunk, or to the end of the file."""
         if position <= self._led_to:
             return True
-        while record := record_at(self._data, position, self._end):
-            if record[0] == Opcode.CHUNK and _has_valid_checksum(self._data, record):
-                self._led_to = position
-                return True
+        chain: list[int] = []
+        while (leads := self._leads.get(position)) is None:
+            chain.append(position)
+            record = record_at(self._data, position, self._end)
+            if record is None:
+                tail = self._data[position : min(position + len(MAGIC) + 1, self._end)]
+                leads = position >= self._end or tail == MAGIC
+                break
+            if record[0] == Opcode.CHUNK and _has_valid_checksum(self._data, record, self._budget):
+                leads = True
+                break
             position = record[3]
-        if position < self._end and self._data[position : min(position + len(MAGIC) + 1, self._end)] != MAGIC:
-            return False
-        self._led_to = position
-        return True
+        # chains that have met go on together: the next one meets a remembered record soon
+        for remembered in (*chain[::_STRIDE], *chain[-1:]):
+            self._leads[remembered] = leads
+        if leads:
+            self._led_to = position
+        return leads
 
 
 def record_at(data: bytes, position: int, end: int) -> Record | None:
@@ -171,22 +211,40 @@ def record_at(data: bytes, position: int, end: int) -> Record | None:
     return opcode, position, start, start + length
 
 
-def next_chunk(data: bytes, begin: int, before: int, end: int) -> int | None:
-    """Return where the next chunk with a valid, non-zero checksum begins: in [begin, before), and it ends by `end`."""
+def next_chunk(data: bytes, begin: int, before: int, end: int, budget: Budget | None = None) -> int | None:
+    """Return where the next chunk with a valid, non-zero checksum begins: in [begin, before), and it ends by `end`.
+
+    Args:
+        data: the file.
+        begin: first byte at which it may begin.
+        before: one past the last such byte.
+        end: one past the last byte at which it may end.
+        budget: of the file.
+
+    Raises:
+        LimitError: too many bytes look like chunks and are none.
+    """
+    budget = budget or Budget(len(data))
     while match := _LIKELY_CHUNK.search(data, begin, min(before + PREFIX.size, end)):
         if match.start() >= before:
             return None
         record = record_at(data, match.start(), end)
-        if record is not None and _has_valid_checksum(data, record):
+        if record is not None and _has_valid_checksum(data, record, budget):
             return match.start()
         begin = match.start() + 1
     return None
 
 
-def expand(data: bytes, record: Record) -> Span:
+def expand(data: bytes, record: Record, budget: Budget | None = None) -> Span:
     """Return where the records inside a chunk lie: in the file itself, or in a new buffer if they were compressed.
 
+    Args:
+        data: the file.
+        record: the chunk.
+        budget: of the file; what the chunk unpacks to is taken off.
+
     Raises:
+        LimitError: the chunk unpacks to more than is left of the budget.
         ValueError: the chunk is damaged or its checksum is wrong; says how.
     """
     _, _, start, end = record
@@ -195,9 +253,14 @@ def expand(data: bytes, record: Record) -> Span:
     _, _, size, crc = _CHUNK.unpack_from(data, start)
     name_end = start + 32 + int.from_bytes(data[start + 28 : start + 32], "little")
     body_end = _body_end(data, record)
-    if body_end > end or size > _MAX_CHUNK:
+    if body_end > end:
         raise ValueError("a chunk's sizes do not fit into it")
-    span = _decompress(data, bytes(data[start + 32 : name_end]), name_end + 8, body_end, size)
+    name = bytes(data[start + 32 : name_end])
+    if name:
+        budget = budget or Budget(len(data))
+        budget.check(CHUNK, size)
+        budget.spend(UNPACKED, size)
+    span = _decompress(data, name, name_end + 8, body_end, size)
     if span[2] - span[1] != size:
         raise ValueError("a chunk is not as long as it says")
     if not crc and body_end < end:
@@ -238,14 +301,32 @@ class _ExactStream(ReadDataStream):
         return data
 
 
-def _has_valid_checksum(data: bytes, record: Record) -> bool:
-    if record[3] - record[2] < _CHUNK.size or not any(data[record[2] + 24 : record[2] + 28]):
+def _has_valid_checksum(data: bytes, record: Record, budget: Budget) -> bool:
+    """Return whether a record is a chunk with a valid checksum; bytes that are none are taken off the budget."""
+    _, _, start, end = record
+    if end - start < _CHUNK.size + 12 or not any(data[start + 24 : start + 28]):
+        return False
+    size = _CHUNK.unpack_from(data, start)[2]
+    name_size = int.from_bytes(data[start + 28 : start + 32], "little")
+    begin = start + 40 + name_size
+    if _body_end(data, record) > end or (name_size and size > min(budget.left(UNPACKED), budget.most(CHUNK))):
+        return False
+    if not name_size and not _may_hold(data, begin, _body_end(data, record), size):
         return False
     try:
-        expand(data, record)
+        expand(data, record, Budget(None))
     except ValueError:
+        budget.spend(CHECKED, max(end - start, size if name_size else 0))
         return False
     return True
+
+
+def _may_hold(data: bytes, begin: int, end: int, size: int) -> bool:
+    """Return whether the bytes of a chunk without compression begin with a record of those that chunks hold."""
+    first = record_at(data, begin, end)
+    if end - begin != size or (first is None and size):
+        return False
+    return first is None or first[0] in _IN_CHUNKS or first[0] not in _OPCODES
 
 
 def _decompress(data: bytes, name: bytes, start: int, end: int, size: int) -> Span:

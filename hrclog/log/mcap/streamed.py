@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from mcap.opcode import Opcode
 
+from hrclog.log.limits import FRAME, RECORDS, Budget, LimitError
 from hrclog.log.mcap.chain import check_chain
 from hrclog.log.mcap.completeness import count_problems, data_problems, frame_problems, match_chunks
 from hrclog.log.mcap.contents import Batch, Contents, ForeignRecordError, channel_counts
@@ -32,32 +33,41 @@ _BATCH_SPAN: Final = 1 << 28  # bytes; far below what the 32-bit offsets of Arro
 _Row = tuple[int, int, int, int, int, int]
 
 
-def read_streamed(data: bytes) -> Contents:
-    """Read a file from front to end; `problems` says what is damaged or missing."""
-    contents = _StreamedReader(data).read()
+def read_streamed(data: bytes, budget: Budget | None = None) -> Contents:
+    """Read a file from front to end; `problems` says what is damaged or missing.
+
+    Args:
+        data: the file.
+        budget: of the file; without one it is that of a file of these bytes.
+    """
+    contents = _StreamedReader(data, budget or Budget(len(data))).read()
     contents.problems += check_chain(contents, data)
     return contents
 
 
 class _StreamedReader:
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, budget: Budget) -> None:
         self._data = data
-        self._contents = Contents()
+        self._budget = budget
+        self._contents = Contents(budget=budget)
         self._frame = Frame()
         self._loose: list[_Row] = []  # messages that lie in the file itself, for one large batch
         self._packed: dict[int, int] = {}  # chunks that were decompressed: the batch that holds each one's messages
         self._last: tuple[int, list[_Row]] | None = None  # where the records of the last chunk begin, and its messages
+        self._by_channel: dict[int, list[tuple[int, int]]] = {}  # times and offsets of those, once they are asked for
         self._misfits: list[tuple[int, str]] = []  # where and how the index does not fit
 
     def read(self) -> Contents:
         contents, problems = self._contents, self._contents.problems
-        begin = _begin(self._data, problems)
+        begin = _begin(self._data, problems, self._budget)
         if begin is None:
             return contents
-        walk = Walk(self._data, problems, begin)
+        walk = Walk(self._data, problems, begin, self._budget)
         for record in walk:
             try:
                 self._take(record)
+            except LimitError as error:
+                walk.refuse(record, error)
             except ValueError as error:
                 walk.distrust(record, str(error))
         self._flush(self._data, self._loose)
@@ -129,6 +139,7 @@ class _StreamedReader:
                 self._contents.attach(self._data, record)
             case _:
                 self._contents.keep(self._data, record)
+        self._budget.spend(FRAME)
         check_said(self._data, record)
         self._frame.others[record[1]] = record
 
@@ -136,10 +147,16 @@ class _StreamedReader:
         """Compare a message index with the chunk before it, if that could be read."""
         if self._last is None:
             return
-        begin, rows = self._last
         entries = sorted(message_index(self._data, record))
         channel = int.from_bytes(self._data[record[2] : record[2] + 2], "little")
-        if entries != sorted((row[2], row[4] - _MESSAGE.size - 9 - begin) for row in rows if row[0] == channel):
+        if not self._by_channel:
+            begin, rows = self._last
+            self._by_channel = {row[0]: [] for row in rows}
+            for row in rows:
+                self._by_channel[row[0]].append((row[2], row[4] - _MESSAGE.size - 9 - begin))
+            for listed in self._by_channel.values():
+                listed.sort()
+        if entries != self._by_channel.get(channel, []):
             text = f"the message index of channel {channel} at byte {record[1]} does not lead to its messages"
             self._misfits.append((record[1], text))
 
@@ -147,7 +164,7 @@ class _StreamedReader:
         self._last = None
         rows: list[_Row] = []
         try:
-            span = expand(self._data, chunk)
+            span = expand(self._data, chunk, self._budget)
             try:
                 self._collect(span, rows)
             finally:  # a chunk without a checksum is good up to its first bad record
@@ -157,7 +174,7 @@ class _StreamedReader:
             self._frame.damaged.append(chunk[1])
             raise
         self._frame.chunks.append(chunk[1])
-        self._last = last
+        self._last, self._by_channel = last, {}
 
     def _add(self, chunk: Record, span: Span, rows: list[_Row]) -> None:
         if span[0] is self._data:
@@ -169,15 +186,20 @@ class _StreamedReader:
 
     def _collect(self, span: Span, rows: list[_Row]) -> None:
         buffer, position, end = span
+        n_left = self._budget.left(RECORDS)
         while position < end:
             record = record_at(buffer, position, end)
             if record is None:
                 raise ValueError("a chunk holds bytes that are no record")
+            if not n_left:
+                self._budget.spend(RECORDS, self._budget.left(RECORDS) + 1)
+            n_left -= 1
             if record[0] == Opcode.MESSAGE:
                 rows.append(_message(buffer, record))
             elif record[0] < FIRST_OF_APPLICATIONS:
                 self._keep(buffer, record, rows, end)
             position = record[3]
+        self._budget.spend(RECORDS, self._budget.left(RECORDS) - n_left)
 
     def _keep(self, buffer: bytes, record: Record, rows: list[_Row], end: int) -> None:
         try:
@@ -204,11 +226,15 @@ class _StreamedReader:
             rows.clear()
 
 
-def _begin(data: bytes, problems: list[Problem]) -> int | None:
+def _begin(data: bytes, problems: list[Problem], budget: Budget) -> int | None:
     """Return where the records begin, None where there are none."""
     if data.startswith(MAGIC):
         return len(MAGIC)
-    chunk = next_chunk(data, 0, len(data), len(data))
+    try:
+        chunk = next_chunk(data, 0, len(data), len(data), budget)
+    except LimitError as error:
+        problems.append(Problem("limit_reached", 0, str(error), len(data)))
+        return None
     if chunk is None:
         problems.append(Problem("no_header", 0, "the file ends before its MCAP header: 0 events"))
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
@@ -16,8 +16,10 @@ from mcap.records import Channel, Schema
 from hrclog.arrays import BoolArray, IntArray
 from hrclog.errors import InvalidEventError
 from hrclog.events import COLUMNS
+from hrclog.log.limits import EVENT, EVENT_CHANNELS, EVENT_STATEMENTS, Budget, LimitError
 from hrclog.log.mcap.contents import Batch, Contents, joined
 from hrclog.log.messages import channels, message
+from hrclog.log.messages.definition_cost import check_length
 from hrclog.log.messages.definitions import OURS, ROS1, Definition, fields_of, type_name
 from hrclog.log.messages.failures import Complain, Failures
 from hrclog.log.messages.json_rows import parse_object, row_from_proto3
@@ -33,6 +35,7 @@ _NO_EVENTS: Final = EVENT_COLUMNS.to_frame()
 _SIGNAL_TYPES: Final = (channels.FLOAT_TYPE, channels.JOINTS_TYPE)
 _SCENE_TYPES: Final = (channels.STRING_TYPE, channels.POSE_TYPE)
 
+_MOST_TOLD: Final = 100  # channels that are told one by one
 _KIND: Final = re.compile(rb"\bkind\b")
 
 _Decode = Callable[[bytes], Any]
@@ -89,28 +92,48 @@ def decode_contents(contents: Contents, complain: Complain, *, signals: bool) ->
     failures = Failures()
     decoders = _event_decoders(contents, failures, complain)
     undeclared: dict[int, tuple[int, int]] = {}
+    budget = contents.budget
     for batch in joined(contents.batches):
         pieces: list[tuple[pl.DataFrame, IntArray]] = []
-        for channel_id in np.unique(batch.channel).tolist():
-            is_of_channel = batch.channel == channel_id
-            part = _select(batch, is_of_channel)
+        for channel_id, rows_of_channel in _by_channel(batch):
+            part = batch if rows_of_channel is None else _rows(batch, rows_of_channel)
             channel = contents.channels.get(channel_id)
             if channel is None:
                 count, log_time = undeclared.get(channel_id, (0, int(part.log_time[0])))
                 undeclared[channel_id] = count + len(part.start), log_time
             elif channel_id in decoders:
-                events, rows = decoders[channel_id](without_compression(part))
-                pieces.append((events, np.flatnonzero(is_of_channel)[rows]))
+                events, rows = decoders[channel_id](without_compression(part, budget))
+                pieces.append((events, rows if rows_of_channel is None else rows_of_channel[rows]))
             elif signals:
-                _decode_signals(part, channel, contents.schemas.get(channel.schema_id), decoded, complain)
+                _decode_signals(part, channel, contents, decoded, complain)
         decoded.events += _as_written(pieces)
-    for channel_id, (count, log_time) in undeclared.items():
-        text = f"{counted(count, 'message is', 'messages are')} on channel {channel_id}"
-        complain("corrupt_data", f"{text}, which is not declared; the first has log time {log_time} ns", None)
+    _report_undeclared(undeclared, complain)
     failures.report(complain)
     if not any(frame.height for frame in decoded.events):
         decoded.topics = contents.topics()
     return decoded
+
+
+def _by_channel(batch: Batch) -> Iterator[tuple[int, IntArray | None]]:
+    """Yield each channel of a batch and which of the messages are its own, None where all are."""
+    if not len(batch.channel):
+        return
+    if (batch.channel == batch.channel[0]).all():
+        yield int(batch.channel[0]), None
+        return
+    order = np.argsort(batch.channel, kind="stable")
+    ids, begins = np.unique(batch.channel[order], return_index=True)
+    yield from zip(ids.tolist(), np.split(order, begins[1:]), strict=True)
+
+
+def _report_undeclared(undeclared: dict[int, tuple[int, int]], complain: Complain) -> None:
+    for channel_id, (count, log_time) in list(undeclared.items())[:_MOST_TOLD]:
+        text = f"{counted(count, 'message is', 'messages are')} on channel {channel_id}"
+        complain("corrupt_data", f"{text}, which is not declared; the first has log time {log_time} ns", None)
+    others = [count for count, _ in undeclared.values()][_MOST_TOLD:]
+    if others:
+        text = counted(sum(others), "message is", "messages are")
+        complain("corrupt_data", f"{text} on {counted(len(others), 'further channel')} not declared", None)
 
 
 def _as_written(pieces: list[tuple[pl.DataFrame, IntArray]]) -> list[pl.DataFrame]:
@@ -121,11 +144,13 @@ def _as_written(pieces: list[tuple[pl.DataFrame, IntArray]]) -> list[pl.DataFram
     return [pl.concat([events for events, _ in pieces])[order]]
 
 
-def _decode_signals(part: Batch, channel: Channel, schema: Schema | None, decoded: Decoded, complain: Complain) -> None:
+def _decode_signals(part: Batch, channel: Channel, contents: Contents, decoded: Decoded, complain: Complain) -> None:
+    schema = contents.schemas.get(channel.schema_id)
     if _is_signal(channel, schema):
-        decoded.signals.append(decode_signals(without_compression(part), channel))
+        decoded.signals.append(decode_signals(without_compression(part, contents.budget), channel))
     elif _is_scene(channel, schema):
-        decoded.scene.take(without_compression(part), channel, lambda text: complain("invalid_scene", text, None))
+        part = without_compression(part, contents.budget)
+        decoded.scene.take(part, channel, lambda text: complain("invalid_scene", text, None))
 
 
 def _type_of(schema: Schema | None) -> str:
@@ -150,15 +175,41 @@ def _is_scene(channel: Channel, schema: Schema | None) -> bool:
 
 def _event_decoders(contents: Contents, failures: Failures, complain: Complain) -> dict[int, _DecodeBatch]:
     """Return by channel how its messages become events."""
-    schemas = {channel.id: contents.schemas.get(channel.schema_id) for channel in contents.channels.values()}
-    return {
-        channel.id: _event_decoder(channel, schemas[channel.id], partial(failures.add, channel.topic), complain)
-        for channel in contents.channels.values()
-        if is_event_channel(channel, schemas[channel.id])
-    }
+    decoders: dict[int, _DecodeBatch] = {}
+    for channel in contents.channels.values():
+        schema = contents.schemas.get(channel.schema_id)
+        if is_event_channel(channel, schema):
+            fail = partial(failures.add, channel.topic)
+            try:
+                contents.budget.spend(EVENT_CHANNELS)
+                decoder = _event_decoder(channel, schema, contents.budget, fail, complain)
+            except LimitError as error:
+                decoder = partial(_undecodable_events, reason=str(error), fail=fail)
+            decoders[channel.id] = _bounded(decoder, contents.budget.most(EVENT), fail)
+    return decoders
 
 
-def _event_decoder(channel: Channel, schema: Schema | None, fail: _Fail, complain: Complain) -> _DecodeBatch:
+def _bounded(decode: _DecodeBatch, most: int, fail: _Fail) -> _DecodeBatch:
+    """Return a decoder that passes over messages that are too large."""
+
+    def decode_others(part: Batch) -> tuple[pl.DataFrame, IntArray]:
+        sizes = part.end - part.start
+        if sizes.max() <= most:
+            return decode(part)
+        fits = sizes <= most
+        for at in np.flatnonzero(~fits).tolist():
+            fail(str(LimitError(EVENT, int(sizes[at]), most)), int(part.log_time[at]))
+        if not fits.any():
+            return frame_of_rows([]), np.empty(0, np.int64)
+        events, rows = decode(_select(part, fits))
+        return events, np.flatnonzero(fits)[rows]
+
+    return decode_others
+
+
+def _event_decoder(
+    channel: Channel, schema: Schema | None, budget: Budget, fail: _Fail, complain: Complain
+) -> _DecodeBatch:
     wire = channel.message_encoding
     if wire == "json":
         return partial(_general_events, decode=parse_object, fail=fail)
@@ -166,9 +217,11 @@ def _event_decoder(channel: Channel, schema: Schema | None, fail: _Fail, complai
         return partial(_undecodable_events, reason=f"encoded as {wire!r}, expected cdr or json", fail=fail)
     if _type_of(schema) == channels.STRING_TYPE:
         return partial(_general_events, decode=_ros1_object if wire == ROS1 else _cdr_object, fail=fail)
+    check_length(0 if schema is None else len(schema.data))
     definition = _definition(channel, schema, complain)
     if wire == channels.CDR and definition.is_our_layout:
         return partial(_fast_events, fail=fail)
+    budget.spend(EVENT_STATEMENTS, definition.n_statements)
     try:
         decode = definition.decoder(wire)
     except ValueError as error:
@@ -257,5 +310,9 @@ def _python_value(value: Any) -> Any:  # noqa: ANN401 - numpy scalars of a decod
 
 
 def _select(batch: Batch, mask: BoolArray) -> Batch:
+    return batch if mask.all() else _rows(batch, mask)
+
+
+def _rows(batch: Batch, rows: BoolArray | IntArray) -> Batch:
     arrays = (batch.channel, batch.sequence, batch.log_time, batch.publish_time, batch.start, batch.end)
-    return batch if mask.all() else Batch(batch.data, *(array[mask] for array in arrays))
+    return Batch(batch.data, *(array[rows] for array in arrays))

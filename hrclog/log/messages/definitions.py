@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 from hrclog.log.messages import channels, message
+from hrclog.log.messages.definition_cost import check_types, checked_idl, checked_text, without_comments
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
@@ -19,9 +19,7 @@ ROS1: Final = "ros1"
 """Message encoding of ROS 1, which has no alignment and no encapsulation header."""
 
 _SEPARATOR: Final = "=" * 80
-_MOST_CHARACTERS: Final = 100_000  # the parser takes a second for ten times as many
-_HUGE_ARRAY: Final = re.compile(r"\[\s*\d{6,}\s*\]")
-_COMMENT: Final = re.compile(r"#.*|//.*|/\*.*?\*/", re.DOTALL)
+_LONGEST_ERROR: Final = 200  # characters of what the parser says, which may repeat the definition
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +28,11 @@ class Definition:
 
     text: str
     language: str = channels.SCHEMA_ENCODING
+
+    @property
+    def n_statements(self) -> int:
+        """Return how many lines it has that state something."""
+        return without_comments(self.text).count("\n")
 
     @property
     def is_empty(self) -> bool:
@@ -75,7 +78,9 @@ def decoder_by(definition: Definition, name: str, wire: str) -> Callable[[bytes]
         store = _store(definition, name)
         store.fielddefs[name]
     except Exception as error:
-        raise ValueError(f"the definition of {name} cannot be parsed ({error})") from error
+        text = str(error)
+        shown = f"{text[:_LONGEST_ERROR]} …" if len(text) > _LONGEST_ERROR else text
+        raise ValueError(f"the definition of {name} cannot be parsed ({shown})") from error
     decode = store.deserialize_ros1 if wire == ROS1 else store.deserialize_cdr
     return lambda raw: decode(raw, name)
 
@@ -102,13 +107,8 @@ def _fields(definition: str) -> list[tuple[str, ...]]:
 def _store(definition: Definition, name: str) -> Typestore:
     from rosbags.typesys import Stores, TypesysError, get_typestore
 
-    text = definition.text
-    if len(text) > _MOST_CHARACTERS:
-        raise ValueError(f"it has {len(text):,} characters, expected at most {_MOST_CHARACTERS:,}")
-    huge = _HUGE_ARRAY.search(_COMMENT.sub("", text))
-    if huge:
-        raise ValueError(f"it has an array of {huge.group()} elements")
     types = _types(definition, name)
+    check_types(types)
     store = get_typestore(Stores.LATEST)
     try:
         store.register(types)
@@ -122,9 +122,9 @@ def _types(definition: Definition, name: str) -> Typesdict:
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     if definition.language != IDL:
-        return get_types_from_msg(definition.text, name)
+        return get_types_from_msg(checked_text(definition.text), name)
     types: Typesdict = {}
-    for part in definition.text.split(f"{_SEPARATOR}\n"):
+    for part in checked_idl(definition.text).split(f"{_SEPARATOR}\n"):
         if part.strip():
             head, newline, rest = part.partition("\n")
             types.update(get_types_from_idl(rest if newline and head.startswith("IDL: ") else part))

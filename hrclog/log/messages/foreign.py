@@ -15,6 +15,7 @@ from mcap.records import Channel, Schema
 
 from hrclog.log.messages import channels
 from hrclog.log.messages.action_heads import head_decoder
+from hrclog.log.messages.definition_cost import check_length
 from hrclog.log.messages.definitions import IDL, ROS1, Definition, decoder_by, type_name
 from hrclog.log.messages.json_rows import parse_object
 from hrclog.log.messages.standard_types import OLDER_TYPES, STANDARD_TYPES
@@ -64,6 +65,7 @@ def decoder_of(channel: Channel, schema: Schema | None) -> Decoder:
     if wire not in (channels.CDR, ROS1):
         raise ValueError(f"encoded as {wire!r}, expected cdr, ros1 or json")
     name = "" if schema is None else type_name(schema.name)
+    check_length(0 if schema is None else len(schema.data))
     text = "" if schema is None or schema.encoding == "unknown" else schema.data.decode(errors="replace")
     if name in _FIXED:
         return Decoder(_standard(name, wire), "" if text.strip() else name)

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from hrclog.errors import InvalidEventError
 from hrclog.events import COLUMNS, EVENT_VERSION, FLOAT_COLUMNS, INT_COLUMNS, STRING_COLUMNS
+from hrclog.json_text import parse_json
 
 _COUNTERS: Final = ("schema_version", "attempt", "seq")
 _DEFAULTS: Final[dict[str, Any]] = (
@@ -41,8 +42,8 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
         InvalidEventError: the text is not a JSON object.
     """
     try:
-        value = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        value = parse_json(text)
+    except ValueError as error:
         raise InvalidEventError(f"found no JSON ({error}), expected one JSON object per event") from error
     if not isinstance(value, dict):
         raise InvalidEventError(f"found a JSON {type(value).__name__}, expected one object per event")

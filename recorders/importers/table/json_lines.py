@@ -9,6 +9,7 @@ from typing import Any
 import polars as pl
 
 from hrclog.errors import ImportDataError
+from hrclog.json_text import JsonLimitError, check_depth, parse_json
 from hrclog.recorders.importers.table.skipped import Skip
 from hrclog.recorders.importers.table.tables import LINE, Table, table_of_frame
 
@@ -48,8 +49,11 @@ def _lines(text: str) -> tuple[list[tuple[int, dict[str, Any]]], list[Skip]]:
         if not part.strip():
             continue
         try:
-            value = json.loads(part)
-        except (ValueError, RecursionError):
+            value = parse_json(part)
+        except JsonLimitError as error:
+            skips.append(Skip(line, str(error)))
+            continue
+        except ValueError:
             skips.append(Skip(line, "it is no JSON"))
             continue
         if isinstance(value, dict):
@@ -73,6 +77,7 @@ def _array(text: str) -> tuple[list[tuple[int, dict[str, Any]]], list[Skip]]:
         number += 1
         try:
             value, at = decoder.raw_decode(text, at)
+            check_depth(value)
         except (ValueError, RecursionError):
             skips.append(Skip(number, "it is no JSON, and what follows it was not read"))
             return rows, skips

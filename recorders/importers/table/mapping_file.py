@@ -19,6 +19,7 @@ from hrclog.recorders.importers.table.mapping import (
     delimiter_of,
 )
 
+_MOST_BYTES: Final = 1 << 20
 _TIMES: Final = ("timezone", "run_start", "unit", "date_order", "run_gap_s")
 _TABLE: Final = ("delimiter", "encoding", "decimal", "sheet", "has_header")
 _LISTS: Final = ("run", "tag_columns", "pair_by")
@@ -58,7 +59,11 @@ def read_mapping(path: Path) -> MappingFile:
         ImportDataError: the file cannot be read, or is no such mapping.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as stream:
+            data = stream.read(_MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES:
+            raise ImportDataError(path, f"more than {_MOST_BYTES:,} bytes", "a mapping, TOML")
+        text = data.decode()
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise ImportDataError(path, f"a file that cannot be read ({reason})", "a mapping, TOML") from error
@@ -77,7 +82,7 @@ def parse_mapping(text: str, path: Path) -> MappingFile:
     """
     try:
         content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ImportDataError(path, f"no TOML ({error})", "a mapping as --save-map writes it") from error
     try:
         mapping = _mapping_of(content)

@@ -20,6 +20,7 @@ from sizes import many
 from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.errors import LogReadError
 from hrclog.events import Event, RunEnded, RunStarted, TaskEnded, TaskStarted
+from hrclog.log.limits import Budget
 from hrclog.log.mcap import indexed, records
 from hrclog.log.mcap.indexed import read_contents, read_indexed
 from hrclog.log.mcap.records import MAGIC, Problem, Record, Span, Walk
@@ -345,9 +346,9 @@ def test_a_channel_that_is_declared_otherwise_is_of_another_file(tmp_path: Path)
 def test_chunks_of_signals_are_not_read_for_events(monkeypatch: pytest.MonkeyPatch, pair: tuple[bytes, bytes]) -> None:
     expanded: list[int] = []
 
-    def expand(data: bytes, record: Record) -> Span:
+    def expand(data: bytes, record: Record, budget: Budget) -> Span:
         expanded.append(record[1])
-        return records.expand(data, record)
+        return records.expand(data, record, budget)
 
     monkeypatch.setattr(indexed, "expand", expand)
     read_contents(pair[0], is_event_channel)

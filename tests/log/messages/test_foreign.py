@@ -72,7 +72,7 @@ def test_noise_is_a_value_error_or_a_message(data: bytes, kind: str) -> None:
         ("a/msg/B", "ros2msg", "", "is not in the recording"),
         ("", "", "", "any type is not in the recording"),
         ("a/msg/B", "ros2msg", "?!", "cannot be parsed"),
-        ("a/msg/B", "ros2msg", "string[1000000000] x", "array of"),
+        ("a/msg/B", "ros2msg", "string[1000000000] x", "arrays of"),
         ("a/msg/B", "ros2msg", "int8 x\n" * 20_000, "characters"),
         ("a/action/B_SendGoal_Event", "ros2msg", "ACTION: a/action/B\nint8 x\n", "no goal, result and feedback"),
         ("a/action/B_Other", "ros2msg", "ACTION: a/action/B\n---\n---\n", "no goal, result and feedback"),
