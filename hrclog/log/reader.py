@@ -43,6 +43,7 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 """The total order of events."""
 
 _MOST_TOPICS: Final = 20  # that a message lists
+_NO_EVENTS: Final = EVENTS.to_frame()
 _NO_TOPICS: Final = "it has no topics"
 
 
@@ -61,7 +62,7 @@ class Logs:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     paths: list[Path] = field(default_factory=list)
     scene: RecordedScene = field(default_factory=RecordedScene)
-    excluded: pl.DataFrame = field(default_factory=EVENTS.to_frame)
+    excluded: pl.DataFrame = field(default_factory=lambda: _NO_EVENTS)
     exclusions: list[Exclusion] = field(default_factory=list)
     is_foreign: bool = False
 
