@@ -151,7 +151,7 @@ def placed(path: Path) -> Iterator[Path]:
         if is_device(target):
             yield target
             return
-    with hidden_folder(target.parent, shown=path.parent) as folder:
+    with _errors_tell(path), hidden_folder(target.parent, shown=path.parent) as folder:
         yield folder / path.name
         for written in sorted(folder.iterdir()):
             put(written, target if written.name == path.name else target.parent / written.name)
@@ -217,11 +217,8 @@ def put(source: Path, target: Path, *, is_new: bool = False) -> None:
             os.chown(source, before.st_uid, before.st_gid)
             source.chmod(stat.S_IMODE(before.st_mode))
     try:
-        if is_new and os.name == "posix":
-            with suppress(PermissionError, NotImplementedError):  # a file system without links
-                os.link(source, target)
-                return
-        source.replace(target)
+        if not (is_new and _is_linked(source, target)):
+            source.replace(target)
     except OSError as error:
         if error.errno != errno.EXDEV:
             raise
@@ -257,6 +254,17 @@ def _check_replaceable(target: Path, *, is_new: bool = False) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+def _is_linked(source: Path, target: Path) -> bool:
+    """Give a file another name, which no other file has; return whether its file system can do that."""
+    try:
+        os.link(source, target)
+    except FileExistsError:
+        raise
+    except (OSError, NotImplementedError):
+        return False
+    return True
 
 
 def _fill(stream: IO[bytes], content: bytes | Fill) -> None:
@@ -321,6 +329,16 @@ def _errors_name(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         error.filename, error.filename2 = os.fspath(path), None
+        raise
+
+
+@contextmanager
+def _errors_tell(path: Path) -> Iterator[None]:
+    """Let errors that name no file name this one."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or os.fspath(path)
         raise
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 
 def write_by(write: Callable[[Any], object], path: Path) -> None:
@@ -14,7 +15,7 @@ def write_by(write: Callable[[Any], object], path: Path) -> None:
     Raises:
         OSError: the file cannot be written.
     """
-    with path.open("wb") as stream:
+    with path.open("wb", buffering=0) as stream:
         target = _Target(stream)
         try:
             write(target)
@@ -31,16 +32,19 @@ class _Target:
     It has no number of an open file, by which polars would write past it.
     """
 
-    def __init__(self, stream: IO[bytes]) -> None:
+    def __init__(self, stream: FileIO) -> None:
         self.error: OSError | None = None
         self._stream = stream
 
     def write(self, data: bytes) -> int:
+        left = memoryview(data)
         try:
-            return self._stream.write(data)
+            while left:  # an unbuffered file may take a part
+                left = left[self._stream.write(left) :]
         except OSError as error:
             self.error = error
             raise
+        return len(data)
 
     def flush(self) -> None:
-        self._stream.flush()
+        """Do nothing: no byte waits in a buffer."""
