@@ -66,6 +66,11 @@ def write_tables(exporter: Exporter, tables: Mapping[str, pl.DataFrame], folder:
     return [(folder / f"{table}{exporter.suffix}", frame.height) for table, frame in tables.items()]
 
 
+def write_table(exporter: Exporter, frame: pl.DataFrame, folder: Path, table: str) -> tuple[Path, int]:
+    """Write a table to a file of its name; as `write_tables`, which has the errors too."""
+    return write_tables(exporter, {table: frame}, folder)[0]
+
+
 def write_frame(exporter: Exporter, frame: pl.DataFrame, path: Path) -> None:
     """Write a frame to a file, whose folder is created if it is missing.
 

@@ -114,7 +114,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
         write_output(path, self.to_json().encode()[-2000:])
 
     monkeypatch.setattr(Analysis, "to_rerun", recording)
-    monkeypatch.setattr(Analysis, "run_to_rerun", lambda self, run_id, path: recording(self, path))
+    monkeypatch.setattr(Analysis, "run_to_rerun", lambda self, _, path: recording(self, path))
 
 
 def leftovers(folder: Path) -> list[Path]:
