@@ -43,7 +43,7 @@ def is_clean(folder: Path) -> bool:
     return not list(folder.rglob(".hrclog-*")) and not (folder / marker_name(KIND)).exists()
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(sets, sets, st.booleans())
 def test_a_set_is_old_or_new_or_marked_whenever_its_process_dies(
     tmp_path_factory: pytest.TempPathFactory, old: dict[str, bytes], new: dict[str, bytes], keeps: bool

@@ -132,7 +132,7 @@ def test_results_are_old_or_new_or_marked_whenever_analyze_dies(
     assert before.keys() != wanted.keys()
     n_changes = die(lambda: save(new, tmp_path / "old"), None)
     states = set()
-    for after in range(0, n_changes, many(3, fuzz=1)):
+    for after in range(0, n_changes, many(4, fuzz=1)):
         folder = tmp_path / str(after)
         shutil.copytree(tmp_path / "new", folder)
         (folder / "mine.txt").write_text("mine")

@@ -106,7 +106,7 @@ def test_files_are_old_or_new_or_marked_whenever_a_command_dies(command: str, ba
     assert do(command, "new", tmp_path / "new", bases) == 0
     old, new = contents(tmp_path / "old"), contents(tmp_path / "new")
     n_changes = die(lambda: do(command, "new", tmp_path / "counted", bases), None)
-    for after in range(0, n_changes, many(1 + n_changes // 12, fuzz=1)):
+    for after in range(0, n_changes, many(1 + n_changes // 9, fuzz=1)):
         out = tmp_path / str(after)
         if command not in ONCE:
             do(command, "old", out, bases)
