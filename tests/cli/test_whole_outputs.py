@@ -165,6 +165,18 @@ def test_half_an_export_of_a_knowledge_base_is_not_taken_in(run: Run, bases: Pat
     assert "broken off (kb-json.unfinished)" in result.err
 
 
+@pytest.mark.parametrize("size", range(0, 100_000, many(25_000, fuzz=2_000)))
+def test_a_full_disk_is_one_error_of_a_knowledge_base_which_then_goes_on(size: int, run: Run, tmp_path: Path) -> None:
+    for number in range(3):
+        write_log(tmp_path / f"{number}.mcap", run_of(number))
+    ingest = ["kb", "ingest", str(tmp_path), "--kb", str(tmp_path / "kb.sqlite")]
+    with redirect_stderr(io.StringIO()) as told, redirect_stdout(io.StringIO()), largest_file(size):
+        assert main(ingest) == 1
+    assert re.fullmatch(r"hrclog: error: \S+: it cannot be written or read .*; make room .*\n", told.getvalue())
+    ingested = run(*ingest, "--json").json()
+    assert sorted(ingested["added"] + ingested["unchanged"]) == [f"run-{number:04d}" for number in range(3)]
+
+
 def test_view_writes_the_recordings_of_a_log_as_one_set(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
