@@ -6,17 +6,19 @@ import hashlib
 import os
 import unicodedata
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import polars as pl
 
-from hrclog.analyzers.exporters.tables import Csv
+from hrclog.analyzers.exporters.tables import Csv, Parquet
 from hrclog.analyzers.result import Analysis
-from hrclog.errors import OutputError
+from hrclog.errors import LogReadError, OutputError
 from hrclog.file_names import file_stem
+from hrclog.file_sets import ANALYSIS_SET, is_unfinished, marker_name, replaced_set
+from hrclog.files import write_whole
 from hrclog.json_text import RESULT_JSON, read_json_file
 
 JSON_NAME: Final = "analysis.json"
@@ -48,37 +50,35 @@ def save(
     folder: Path,
     on_step: Callable[[], None] = lambda: None,
     most_recordings: int | None = MOST_RECORDINGS,
+    drawn: Sequence[str] | None = None,
 ) -> None:
-    """Write JSON, tables, the campaign's recording and recordings of single runs.
+    """Write JSON, tables, the campaign's recording and recordings of single runs: all of them, or none.
 
-    Recordings of an earlier analysis in the same folder are removed if this one does not write them.
+    They replace those of an earlier analysis in the same folder as one set (`hrclog.file_sets`).
 
     Args:
         analysis: what to write.
         folder: created if it is missing.
         on_step: called after each recording, for progress.
         most_recordings: of single runs, None for all. If there are more runs, `drawn_runs` selects them.
+        drawn: ids of the runs that get a recording, instead of so many.
 
     Raises:
         OutputError: the folder cannot be written.
     """
-    drawn_ids = set(drawn_runs(analysis.runs, most_recordings))
+    drawn_ids = set(drawn_runs(analysis.runs, most_recordings) if drawn is None else drawn)
     names = {run: name for run, name in recording_names(analysis.runs).items() if run in drawn_ids}
-    try:
-        (folder / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
-        _remove_stale(folder, set(names.values()))
+    with replaced_set(folder, ANALYSIS_SET, older=lambda: _older_names(folder)) as new:
+        (new / RUNS_FOLDER).mkdir()
         for table in TABLES:
-            frame: pl.DataFrame = getattr(analysis, table)
-            frame.write_parquet(folder / f"{table}.parquet")
-        Csv().write(analysis.executions, folder / EXECUTIONS_NAME)
-        analysis.to_rerun(folder / RECORDING_NAME)
+            Parquet().write(getattr(analysis, table), new / f"{table}.parquet")
+        Csv().write(analysis.executions, new / EXECUTIONS_NAME)
+        analysis.to_rerun(new / RECORDING_NAME)
         on_step()
         for run_id, name in names.items():
-            analysis.run_to_rerun(run_id, folder / RUNS_FOLDER / name)
+            analysis.run_to_rerun(run_id, new / RUNS_FOLDER / name)
             on_step()
-        (folder / JSON_NAME).write_text(analysis.to_json() + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
+        write_whole(new / JSON_NAME, f"{analysis.to_json()}\n".encode())
 
 
 def drawn_runs(runs: pl.DataFrame, most: int | None) -> list[str]:
@@ -105,6 +105,18 @@ def check_writable(folder: Path) -> None:
         raise OutputError(folder, f"cannot be made, {existing} is no folder")
     if not os.access(existing, os.W_OK | os.X_OK):
         raise OutputError(folder, f"cannot be written, {existing} gives no permission")
+
+
+def check_finished(path: str | Path) -> None:
+    """Raise if a path is a folder whose results may be of two analyses.
+
+    Raises:
+        LogReadError: it is.
+    """
+    if is_unfinished(Path(path), ANALYSIS_SET):
+        found = f"results that are being replaced, or whose writing was broken off ({marker_name(ANALYSIS_SET)})"
+        remedy = f"run hrclog analyze LOG... -o {path} again"
+        raise LogReadError(path, found, "the results of one analysis", remedy)
 
 
 def recording_names(runs: pl.DataFrame) -> dict[str, str]:
@@ -141,13 +153,12 @@ def _fold_name(name: str) -> str:
     return unicodedata.normalize("NFD", unicodedata.normalize("NFD", name).casefold())
 
 
-def _remove_stale(folder: Path, current: set[str]) -> None:
-    """Remove the run recordings that the last analysis in this folder wrote, as its JSON says."""
+def _older_names(folder: Path) -> Iterable[str]:
+    """Return the names of the recordings that an analysis without a manifest wrote, as its JSON says."""
     try:
         last = read_json_file(folder / JSON_NAME, RESULT_JSON)
         rows = [(row["run_id"], row["name"]) for row in last["runs"]]
         names = recording_names(pl.DataFrame(rows, schema={"run_id": pl.String, "name": pl.String}, orient="row"))
-    except (OSError, ValueError, KeyError, TypeError):
-        return
-    for name in set(names.values()) - current:
-        (folder / RUNS_FOLDER / name).unlink(missing_ok=True)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return ()
+    return [f"{RUNS_FOLDER}/{name}" for name in names.values()]

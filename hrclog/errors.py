@@ -119,9 +119,11 @@ class DispatchError(HrclogError):
 class OutputError(HrclogError):
     """A result could not be written where the user asked."""
 
-    def __init__(self, path: Path | str, reason: str) -> None:
+    REMEDY: Final = "choose another folder with -o or fix its permissions"
+
+    def __init__(self, path: Path | str, reason: str, remedy: str = REMEDY) -> None:
         self.path = Path(path)
-        super().__init__(f"{path}: {reason}; choose another folder with -o or fix its permissions")
+        super().__init__(f"{path}: {reason}; {remedy}")
 
 
 class KnowledgeError(HrclogError):

@@ -25,8 +25,9 @@ import polars as pl
 from hrclog._version import __version__
 from hrclog.errors import LogExistsError, LogWriteError, OutputError, ScenarioError
 from hrclog.event_rows import parse_details
+from hrclog.files import HIDDEN, lock, remedy_for, sync_folder, write_whole
 from hrclog.json_text import RESULT_JSON, read_json_file
-from hrclog.log.files.system import lock, replace_atomically, sync_folder
+from hrclog.log.files.system import replace_atomically
 from hrclog.log.reader import read_log
 from hrclog.log.writing.writer import write_log
 from hrclog.sim.run import Run, run_id_of, run_name
@@ -47,7 +48,7 @@ from hrclog.wording import counted
 WORK_FOLDER: Final = ".campaign"
 _MANIFEST: Final = "manifest.json"
 _RUNS: Final = "*_*.json"
-_LEFTOVERS: Final = (".hrclog-*.tmp", "*.draft")
+_LEFTOVERS: Final = (HIDDEN, "*.draft")
 _ELSEWHERE: Final = "choose an empty folder with -o"
 
 
@@ -176,9 +177,7 @@ class CampaignFolder:
         if finished:
             with _write_errors(self._work_folder):
                 for run in finished.runs:
-                    (self._work_folder / f"{run.name}.json").write_text(
-                        compact_json(run_to_json(run)), encoding="utf-8"
-                    )
+                    write_whole(self._work_folder / f"{run.name}.json", compact_json(run_to_json(run)).encode())
         self.resumed = unfinished is not None or finished is not None
         self.done = self._finished_runs()
 
@@ -329,8 +328,7 @@ def add_run(path: Path, run: Run) -> None:
         # not synced, which would take as long again: where a crash of the operating system damages it, the run is made
         # again
         truth_path = draft.with_suffix(".json")
-        draft.write_bytes(compact_json(run_to_json(run.truth)).encode())
-        draft.replace(truth_path)
+        write_whole(truth_path, compact_json(run_to_json(run.truth)).encode())
 
 
 def _read_run(path: Path) -> RunTruth | None:
@@ -353,7 +351,7 @@ def _write_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = f"cannot be written ({error.strerror})"
-        raise LogWriteError(path, reason, "choose a folder that can be written") from error
+        raise LogWriteError(path, reason, remedy_for(error, "choose a folder that can be written")) from error
 
 
 @contextmanager

@@ -16,9 +16,8 @@ DOTTED = re.compile(r"^(hrclog(?:\.\w+)+):\w+$")
 TOP = ("hrclog", "analyzers", "recorders", "sim")
 
 BASICS = """
-    _version arrays diagnostic errors event_rows events explanations file_names forks ids json_record json_text
-    parallel plugins
-    recipe_names scene state tags units wording
+    _version arrays diagnostic errors event_rows events explanations file_names file_sets files forks frame_files ids
+    json_record json_text parallel plugins recipe_names scene state tags units wording
 """.split()  # noqa: SIM905 - a list that is read, as those below
 """Modules of hrclog/ that stand on their own or on each other."""
 
@@ -50,7 +49,7 @@ ARROWS: Mapping[str, str] = {
     "log.follow": "log.mcap log.messages",
     "log.watch": "log.files log.writing",
     # hrclog
-    "planning": "log",
+    "planning": "",
     "knowledge": "log",
     # recorders
     "recorders.clock": "",
@@ -86,7 +85,7 @@ ARROWS: Mapping[str, str] = {
     "analyzers.comparison": "analyzers.projections analyzers.synergy analyzers.result",
     "analyzers.figures": "log analyzers.projections analyzers.synergy",
     "analyzers.drawing": "analyzers.figures",
-    "analyzers.rerun": "analyzers.figures analyzers.drawing analyzers.result analyzers.output",
+    "analyzers.rerun": "analyzers.figures analyzers.drawing analyzers.output",
     "analyzers.report": (
         "knowledge analyzers.projections analyzers.synergy analyzers.figures analyzers.drawing analyzers.result "
         "analyzers.output"

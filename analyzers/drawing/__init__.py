@@ -28,7 +28,7 @@ from hrclog.analyzers.drawing.svg import finished, stand_ins
 from hrclog.analyzers.figures.palette import DARK, LIGHT, Color, Role
 from hrclog.analyzers.figures.plot import Plot, Point
 from hrclog.arrays import ByteArray
-from hrclog.errors import OutputError
+from hrclog.files import write_output
 
 _FILE_DPI: Final = 96  # px per inch in files
 _PAPER_DPI: Final = 300
@@ -84,7 +84,7 @@ def save_png(plot: Plot, path: Path) -> None:
         figure = _figure(lay_out(plot, captions=False), _inks(LIGHT), _FILE_DPI, LIGHT["card"])
         target = BytesIO()
         figure.savefig(target, format="png", dpi=_PAPER_DPI, metadata={"Software": None})
-    _write(target.getvalue(), path)
+    write_output(path, target.getvalue())
 
 
 def save_svg(plot: Plot, path: Path) -> None:
@@ -96,7 +96,7 @@ def save_svg(plot: Plot, path: Path) -> None:
     with _settings():
         layout = lay_out(plot, captions=False)
         element = finished(_svg(layout, LIGHT), layout, {})
-    _write(f"{element}\n".encode(), path)
+    write_output(path, f"{element}\n".encode())
 
 
 def save_pdf(plots: Sequence[Plot], path: Path) -> None:
@@ -111,7 +111,7 @@ def save_pdf(plots: Sequence[Plot], path: Path) -> None:
     with _settings(), PdfPages(target, metadata={"CreationDate": None, "Creator": None, "Producer": None}) as pages:
         for plot in plots:
             pages.savefig(_figure(lay_out(plot, captions=True), _inks(LIGHT), _FILE_DPI, LIGHT["card"]))
-    _write(target.getvalue(), path)
+    write_output(path, target.getvalue())
 
 
 def _svg(layout: Layout, theme: Mapping[Role, Color]) -> str:
@@ -161,10 +161,3 @@ def _settings() -> Iterator[None]:
             yield
         finally:
             fonts.setLevel(level)
-
-
-def _write(content: bytes, path: Path) -> None:
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise OutputError(error.filename or path, f"cannot be written ({error.strerror or error})") from error

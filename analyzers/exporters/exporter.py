@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Final
 
-from hrclog.errors import HrclogError, OutputError
+from hrclog.errors import HrclogError
+from hrclog.file_sets import replaced_set
+from hrclog.files import output_errors, placed
 
 if TYPE_CHECKING:
     import polars as pl
+
+TABLES_SET: Final = "export"
+"""The kind of the set of files that tables are."""
 
 
 class Exporter(ABC):
@@ -31,32 +37,38 @@ class Exporter(ABC):
 
         Args:
             frame: one of the tables.
-            path: of the file, in an existing folder.
+            path: of the file, in an existing folder; its name is the one asked for, and the folder a hidden one from
+                which it is moved to its place when it is whole.
 
         Raises:
             OSError: the file cannot be written.
         """
 
 
-def write_table(exporter: Exporter, frame: pl.DataFrame, folder: Path, table: str) -> tuple[Path, int]:
-    """Write a table to a file of its name.
+def write_tables(exporter: Exporter, tables: Mapping[str, pl.DataFrame], folder: Path) -> list[tuple[Path, int]]:
+    """Write tables to files of their names: all of them, or none.
 
     Args:
-        exporter: writes it.
-        frame: the table.
+        exporter: writes them.
+        tables: by name.
         folder: created if it is missing.
-        table: the name of the table.
 
     Returns:
-        The path and the number of rows.
+        The path and the number of rows of each.
 
     Raises:
-        OutputError: the file cannot be written.
+        OutputError: a file cannot be written.
         HrclogError: the exporter failed.
     """
-    path = folder / f"{table}{exporter.suffix}"
-    write_frame(exporter, frame, path)
-    return path, frame.height
+    with replaced_set(folder, TABLES_SET, keeps=True) as new:
+        for table, frame in tables.items():
+            fill_frame(exporter, frame, new / f"{table}{exporter.suffix}")
+    return [(folder / f"{table}{exporter.suffix}", frame.height) for table, frame in tables.items()]
+
+
+def write_table(exporter: Exporter, frame: pl.DataFrame, folder: Path, table: str) -> tuple[Path, int]:
+    """Write a table to a file of its name; as `write_tables`, which has the errors too."""
+    return write_tables(exporter, {table: frame}, folder)[0]
 
 
 def write_frame(exporter: Exporter, frame: pl.DataFrame, path: Path) -> None:
@@ -66,12 +78,20 @@ def write_frame(exporter: Exporter, frame: pl.DataFrame, path: Path) -> None:
         OutputError: the file cannot be written.
         HrclogError: the exporter failed.
     """
+    with output_errors(path), placed(path) as hidden:
+        fill_frame(exporter, frame, hidden)
+
+
+def fill_frame(exporter: Exporter, frame: pl.DataFrame, path: Path) -> None:
+    """Let an exporter write a frame to a file right where it is.
+
+    Raises:
+        OSError: the file cannot be written.
+        HrclogError: the exporter failed.
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         exporter.write(frame, path)
-    except OSError as error:
-        raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
-    except HrclogError:
+    except (OSError, HrclogError):
         raise
     except Exception as error:
         raised = f"exporter {exporter.name!r} raised {type(error).__name__}: {error}"

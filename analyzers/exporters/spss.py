@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from hrclog.errors import HrclogError
 _LONGEST_NAME: Final = 64  # bytes, of a variable
 _LONGEST_LABEL: Final = 255  # bytes
 _LONGEST_TEXT: Final = 32_767  # bytes
+_NO_SPACE: Final = "Unable to write data"  # what pyreadstat says, in an error that says no more
 _EXACT: Final = 2**53
 """Numbers of SPSS are doubles, which hold no larger integer exactly."""
 _NOT_IN_NAMES: Final = re.compile(r"\W")
@@ -42,10 +44,14 @@ class Spss(Exporter):
             import pyreadstat
         except ImportError as error:
             raise HrclogError(f"{path}: files of SPSS need pyreadstat: pip install 'hrclog[spss]'") from error
-        path.write_bytes(b"")  # says why where it cannot be written, which pyreadstat does not
         columns = dict(zip(frame.columns, variable_names(frame.columns), strict=True))
         labels: dict[str, str | None] = {name: _cut(label, _LONGEST_LABEL) for label, name in columns.items()}
-        pyreadstat.write_sav(_plain(frame).rename(columns), path, column_labels=labels, row_compress=True)
+        try:
+            pyreadstat.write_sav(_plain(frame).rename(columns), path, column_labels=labels, row_compress=True)
+        except pyreadstat.ReadstatError as error:
+            if str(error) != _NO_SPACE:
+                raise
+            raise OSError(errno.ENOSPC, "the disk is full, or its quota used up", str(path)) from error
 
 
 def variable_names(columns: Sequence[str]) -> list[str]:

@@ -9,6 +9,7 @@ from typing import Final
 import polars as pl
 
 from hrclog.analyzers.exporters.exporter import Exporter
+from hrclog.frame_files import write_by
 
 _FORMULA: Final = r"^[=+\-@\t\r]"
 _NUMBER: Final = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
@@ -36,7 +37,7 @@ class Csv(Exporter):
         texts = frame.with_columns(pl.col(pl.List(pl.String)).list.join("|"))
         if not self.keep_formulas:
             texts = texts.with_columns(_harmless(pl.col(pl.String))).rename(_harmless_names(texts.columns))
-        texts.write_csv(path)
+        write_by(texts.write_csv, path)
 
 
 class Parquet(Exporter):
@@ -48,7 +49,7 @@ class Parquet(Exporter):
 
     def write(self, frame: pl.DataFrame, path: Path) -> None:
         """Write a frame."""
-        frame.write_parquet(path)
+        write_by(frame.write_parquet, path)
 
 
 def _harmless_names(names: Sequence[str]) -> dict[str, str]:

@@ -10,7 +10,6 @@ from typing import Final
 
 from hrclog.analyzers.figures.plot import Plot
 from hrclog.analyzers.report.document import Report
-from hrclog.errors import OutputError
 from hrclog.file_names import file_stem
 
 _LONGEST_PART: Final = 60  # bytes
@@ -35,21 +34,17 @@ def figure_names(plots: Iterable[Plot]) -> list[str]:
 
 def save_figures(
     plots: list[Plot], folder: Path, ending: str, save: Callable[[Plot, Path], None], on_step: Callable[[], None]
-) -> list[Path]:
-    """Write one file per plot into a folder and return the paths. The folder is created if it is missing.
+) -> list[str]:
+    """Write one file per plot into a folder that is there, and return their names.
 
     Raises:
-        OutputError: the folder cannot be written.
+        OutputError: a file cannot be written.
     """
-    paths = [folder / f"{name}{ending}" for name in figure_names(plots)]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for plot, path in zip(plots, paths, strict=True):
-            save(plot, path)
-            on_step()
-    except OSError as error:
-        raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
-    return paths
+    names = [f"{name}{ending}" for name in figure_names(plots)]
+    for plot, name in zip(plots, names, strict=True):
+        save(plot, folder / name)
+        on_step()
+    return names
 
 
 def report_plots(report: Report) -> list[Plot]:

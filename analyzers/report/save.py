@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -11,7 +12,8 @@ from hrclog.analyzers.output import check_writable
 from hrclog.analyzers.report.document import DEFAULT_RUNS, Report, report
 from hrclog.analyzers.report.figure_files import report_plots, save_figures
 from hrclog.analyzers.report.render import render
-from hrclog.errors import OutputError
+from hrclog.file_sets import replaced_set
+from hrclog.files import output_errors, write_output
 
 if TYPE_CHECKING:
     from hrclog.analyzers.figures.plot import Plot
@@ -57,12 +59,7 @@ def write_report(said: Report, path: Path, on_step: Callable[[], None] = lambda:
         on_step()
         return svg
 
-    text = render(said, draw)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
+    write_output(path, render(said, draw).encode(), makes_folder=True)
 
 
 def write_pdf(said: Report, path: Path) -> None:
@@ -71,20 +68,27 @@ def write_pdf(said: Report, path: Path) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    try:
+    with output_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        drawing.save_pdf(report_plots(said), path)
-    except OSError as error:
-        raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
+    drawing.save_pdf(report_plots(said), path)
 
 
 def write_pictures(
     said: Report, folder: Path, kind: PictureKind, on_step: Callable[[], None] = lambda: None
-) -> list[Path]:
-    """Write a report's figures as one file each, named by what they show, and return their paths.
+) -> list[str]:
+    """Write a report's figures into a folder that is there, one file each, named by what they show; return their names.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    save = drawing.save_png if kind == "png" else drawing.save_svg
+    return save_figures(report_plots(said), folder, f".{kind}", save, on_step)
+
+
+def replaced_pictures(folder: Path, kind: PictureKind) -> AbstractContextManager[Path]:
+    """Return a context with a hidden folder for pictures; at the end they replace those of an earlier report.
 
     Raises:
         OutputError: the folder cannot be written.
     """
-    save = drawing.save_png if kind == "png" else drawing.save_svg
-    return save_figures(report_plots(said), folder, f".{kind}", save, on_step)
+    return replaced_set(folder, f"figures-{kind}")

@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from hrclog.analyzers.figures.text import UNNAMED
-from hrclog.errors import OutputError
+from hrclog.files import write_output
 
 try:
     from rerun_bindings import flush_and_cleanup_orphaned_recordings as _free
@@ -85,7 +85,7 @@ def recording(
     finally:
         data = memory.drain_as_bytes()
         rec.disconnect()
-    _write(Path(path), data)
+    write_output(Path(path), data)
 
 
 def entity(*parts: str) -> str:
@@ -98,10 +98,3 @@ def entity(*parts: str) -> str:
 def times(ns: Iterable[int]) -> rr.TimeColumn:
     """Return instants of a run's timeline, ns since its first event."""
     return rr.TimeColumn(TIMELINE, duration=np.asarray(ns, np.int64).astype("timedelta64[ns]"))
-
-
-def _write(path: Path, data: bytes) -> None:
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        raise OutputError(path, f"the recording cannot be written ({error.strerror or error})") from error

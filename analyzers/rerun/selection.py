@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -14,8 +14,6 @@ from hrclog.wording import agree, counted
 
 if TYPE_CHECKING:
     import polars as pl
-
-    from hrclog.analyzers.result import Analysis
 
 MOST_RUNS: Final = 20
 """The most recordings of runs that a folder opens, unless runs are chosen by name."""
@@ -40,14 +38,17 @@ def recordings_at(target: Path, patterns: Sequence[str] = ()) -> Chosen | None:
         patterns: parts of names of runs, or globs. Of a folder, only runs that match one are opened.
 
     Raises:
-        LogReadError: the target does not exist, or no run has such a name.
+        LogReadError: the target does not exist, its results are unfinished, or no run has such a name.
     """
+    from hrclog.analyzers.output import check_finished
+
     if not target.exists():
         raise LogReadError(target, "nothing", "a log, an .rrd or the folder of an analysis", "check the path")
     if target.suffix == ".rrd" and not target.is_dir():
         return Chosen((target,))
     if not target.is_dir():
         return None
+    check_finished(target)
     campaign, runs = sorted(target.glob("*.rrd")), sorted(target.glob("runs/*.rrd"))
     if not (campaign or runs):
         return None
@@ -80,26 +81,6 @@ def matching_runs(runs: pl.DataFrame, patterns: Sequence[str], target: Path) -> 
     if not matching:
         raise LogReadError(target, _no_run_text(patterns), f"one of {_list_names(list(names_by_id.values()))}", _HOW)
     return matching
-
-
-def draw(analysis: Analysis, run_ids: Iterable[str], folder: Path, on_run: Callable[[], None]) -> list[Path]:
-    """Write the recordings of some runs beside that of an analysis, and return their paths.
-
-    Args:
-        analysis: of these runs, which was saved to the folder.
-        run_ids: of the runs.
-        folder: of the analysis.
-        on_run: called after each, for progress.
-    """
-    from hrclog.analyzers.output import RUNS_FOLDER, recording_names
-
-    files = recording_names(analysis.runs)
-    paths: list[Path] = []
-    for run_id in run_ids:
-        paths.append(folder / RUNS_FOLDER / files[run_id])
-        analysis.run_to_rerun(run_id, paths[-1])
-        on_run()
-    return paths
 
 
 def matches(name: str, patterns: Sequence[str]) -> bool:

@@ -76,12 +76,14 @@ def command(
     """
     from hrclog.analyzers.analysis import analyze
     from hrclog.analyzers.comparison.compare import compare
-    from hrclog.analyzers.output import check_writable
+    from hrclog.analyzers.output import check_finished, check_writable
 
     if len(sides) == 1 and conditions_a and conditions_b:
         sides = sides * 2
     if len(sides) != 2:
         raise click.UsageError(f"found {len(sides)} arguments, expected A and B; put a glob in quotes: 'runs/a_*.mcap'")
+    for side in sides:
+        check_finished(side)
     if output is not None:
         check_writable(output)
     reading = Progress("reading logs")
@@ -105,13 +107,9 @@ def command(
 
 
 def _save(comparison: Comparison, folder: Path) -> None:
-    from hrclog.errors import OutputError
+    from hrclog.files import write_output
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / JSON_NAME).write_text(comparison.to_json() + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(error.filename or folder, f"cannot be written ({error.strerror or error})") from error
+    write_output(folder / JSON_NAME, f"{comparison.to_json()}\n".encode(), makes_folder=True)
 
 
 def _side_name(side: str, wanted: tuple[str, ...]) -> str:

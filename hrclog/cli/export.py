@@ -65,7 +65,7 @@ def command(
       hrclog export runs/*.mcap -o tables --format csv --table intervals
     """
     from hrclog.analyzers.analysis import analyze
-    from hrclog.analyzers.exporters.exporter import write_table
+    from hrclog.analyzers.exporters.exporter import write_tables
     from hrclog.analyzers.output import check_writable
 
     if keep_formulas and kind != "csv":
@@ -75,7 +75,7 @@ def command(
     analysis = analyze(logs, on_file=reading, clocks=clocks, where=conditions)
     reading.done()
     exporter = _exporter(kind, keep_formulas=keep_formulas)
-    written = [write_table(exporter, getattr(analysis, name), output, name) for name in tables or TABLES]
+    written = write_tables(exporter, {name: getattr(analysis, name) for name in tables or TABLES}, output)
     if as_json:
         print_json({"written": [{"path": str(path), "rows": rows} for path, rows in written]})
     else:

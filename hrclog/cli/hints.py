@@ -116,7 +116,7 @@ def _line_for(finding: Diagnostic) -> str:
 def _files_at(path: Path, *, logs_too: bool) -> list[Path]:
     """Return the file itself, the parts of a bag, or the first files of a folder, from its top."""
     from hrclog.log.bags.folder import open_bag
-    from hrclog.log.files.search import RESULTS_FILE
+    from hrclog.log.files.search import RESULTS_FILE, UNFINISHED_RESULTS
 
     try:
         if not path.is_dir():
@@ -128,7 +128,7 @@ def _files_at(path: Path, *, logs_too: bool) -> list[Path]:
     files: list[Path] = []
     for folder, below, names in os.walk(path):
         below[:] = sorted(name for name in below if not name.startswith("."))
-        if RESULTS_FILE in names:
+        if RESULTS_FILE in names or UNFINISHED_RESULTS in names:
             continue
         files += [file for name in sorted(names) if (file := Path(folder, name)).is_file()]
         if len(files) > _MOST_FILES:

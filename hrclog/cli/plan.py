@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from hrclog.planning.plan import Plan
     from hrclog.planning.problem import Problem
     from hrclog.sim.scenario import Scenario
+
+_PLANS_SET: Final = "plans"
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
@@ -295,7 +297,8 @@ def _save_plan(out: Path | None, plan: Plan) -> None:
 
 def _draw_plans(problem: Problem, scenario: Scenario | None, options: dict[str, Any]) -> int:
     """Write random plans, one file each."""
-    from hrclog.errors import LogExistsError, OutputError
+    from hrclog.errors import LogExistsError
+    from hrclog.file_sets import replaced_set, unfinished_names
     from hrclog.planning.plan import write_plan
     from hrclog.planning.random_plans import distinct_plans
     from hrclog.sim.run import fitting_plan
@@ -306,15 +309,13 @@ def _draw_plans(problem: Problem, scenario: Scenario | None, options: dict[str, 
         plans = [fitting_plan(scenario, plan) for plan in plans]
     plans = [_with_provenance(plan, problem, options) for plan in plans]
     paths = [out / f"{plan.name}.json" for plan in plans]
+    broken_off = unfinished_names(out, _PLANS_SET)
     for path in paths:
-        if path.exists():
+        if path.exists() and path.name not in broken_off:
             raise LogExistsError(path, "choose an empty folder with -o")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(out, f"cannot be made ({error.strerror})") from error
-    for path, plan in zip(paths, plans, strict=True):
-        write_plan(path, plan)
+    with replaced_set(out, _PLANS_SET, keeps=True) as new:
+        for path, plan in zip(paths, plans, strict=True):
+            write_plan(new / path.name, plan)
     if options["as_json"]:
         print_json({"problem": options["problem_name"], "seed": options["seed"], "plans": [str(p) for p in paths]})
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -93,6 +94,10 @@ def command(**options: Any) -> int:
     Example:
       hrclog report runs/*.mcap -o report.html --pdf figures.pdf
     """
+    from hrclog.analyzers.output import check_finished
+
+    for log in options["logs"]:
+        check_finished(log)
     _check_folders(options)
     _check_logs_stay(options)
     analysis = _analysis(options)
@@ -192,17 +197,21 @@ def _logs_text(logs: Sequence[str]) -> str:
 
 def _write_files(document: Report, options: Mapping[str, Any]) -> dict[str, list[Path]]:
     """Write the requested files and return their paths by kind."""
-    from hrclog.analyzers.report.save import write_pdf, write_pictures, write_report
+    from hrclog.analyzers.report.save import replaced_pictures, write_pdf, write_pictures, write_report
+    from hrclog.files import output_errors, placed
 
     drawing = Progress("drawing figures")
-    write_report(document, options["output"], drawing)
     written: dict[str, list[Path]] = {"html": [options["output"]]}
-    if options["pdf"]:
-        write_pdf(document, options["pdf"])
-        written["pdf"] = [options["pdf"]]
-    for kind in _PICTURES:
-        if options[kind]:
-            written[kind] = write_pictures(document, options[kind], kind, drawing)
+    with ExitStack() as stack:  # nothing takes its place before all is drawn and written
+        stack.enter_context(output_errors(options["output"]))
+        write_report(document, stack.enter_context(placed(options["output"])), drawing)
+        if options["pdf"]:
+            write_pdf(document, stack.enter_context(placed(options["pdf"])))
+            written["pdf"] = [options["pdf"]]
+        for kind in _PICTURES:
+            if options[kind]:
+                folder = stack.enter_context(replaced_pictures(options[kind], kind))
+                written[kind] = [options[kind] / name for name in write_pictures(document, folder, kind, drawing)]
     drawing.done()
     return written
 

@@ -178,12 +178,11 @@ def _against_truth(
 
 
 def _save(result: Score, predictions: Predictions, folder: Path) -> None:
-    from hrclog.errors import OutputError
+    from hrclog.file_sets import replaced_set
+    from hrclog.files import write_whole
+    from hrclog.frame_files import write_by
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        predictions.executions.write_parquet(folder / "forecasts.parquet")
-        predictions.makespans.write_parquet(folder / "makespans.parquet")
-        (folder / "score.json").write_text(result.to_json() + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(folder, f"cannot be written ({error.strerror or error})") from error
+    with replaced_set(folder, "score", keeps=True) as new:
+        write_by(predictions.executions.write_parquet, new / "forecasts.parquet")
+        write_by(predictions.makespans.write_parquet, new / "makespans.parquet")
+        write_whole(new / "score.json", f"{result.to_json()}\n".encode())

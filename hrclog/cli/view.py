@@ -112,8 +112,15 @@ def _open_recordings(
 def _analyse(target: Path, names: tuple[str, ...], folder: Path, options: _Reading) -> tuple[Chosen, int]:
     """Analyse logs into a folder, and return the recordings there and the exit code."""
     from hrclog.analyzers.analysis import analyze
-    from hrclog.analyzers.output import RECORDING_NAME, check_writable, drawn_runs, save
-    from hrclog.analyzers.rerun.selection import MOST_RUNS, Chosen, draw, matching_runs
+    from hrclog.analyzers.output import (
+        RECORDING_NAME,
+        RUNS_FOLDER,
+        check_writable,
+        drawn_runs,
+        recording_names,
+        save,
+    )
+    from hrclog.analyzers.rerun.selection import MOST_RUNS, Chosen, matching_runs
 
     check_writable(folder)
     reading = Progress("reading logs")
@@ -123,10 +130,11 @@ def _analyse(target: Path, names: tuple[str, ...], folder: Path, options: _Readi
     _check_content(target, analysis)
     chosen = matching_runs(analysis.runs, names, target) if names else drawn_runs(analysis.runs, MOST_RUNS)
     echo(f"analysing {target} into {folder}", err=True)
-    save(analysis, folder, most_recordings=0)
-    drawing = Progress("drawing runs", len(chosen))
-    paths = draw(analysis, chosen, folder, drawing)
+    drawing = Progress("drawing runs", len(chosen) + 1)
+    save(analysis, folder, drawing, drawn=chosen)
     drawing.done()
+    names_of_files = recording_names(analysis.runs)
+    paths = [folder / RUNS_FOLDER / names_of_files[run_id] for run_id in chosen]
     n_left_out = 0 if names else analysis.runs.height - len(chosen)
     note = (
         f"opening {len(chosen)} of {analysis.runs.height:,} runs, evenly spread; --run NAME chooses"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -158,7 +159,7 @@ def _translate_errors(place: Place) -> Iterator[None]:
         raise _database_error(
             place, str(error.orig).strip().splitlines()[0] if str(error.orig).strip() else "?"
         ) from error
-    except SQLAlchemyError as error:
+    except (SQLAlchemyError, sqlite3.Error) as error:  # the latter of a connection that is used directly
         raise _database_error(place, str(error).splitlines()[0]) from error
 
 
@@ -170,6 +171,7 @@ _REMEDIES: Final = (
     ("readonly database", "it can only be read", "fix the permissions of the file and its folder"),
     ("unable to open", "it cannot be opened", "fix the permissions of the file and its folder"),
     ("disk is full", "the disk is full", "make room"),
+    ("disk I/O error", "it cannot be written or read", "make room on its disk, or see whether that is in order"),
     ("malformed", "the database is damaged", "make a new one from the logs with hrclog kb update LOG... --kb NEW"),
     ("authentication failed", "user or password are wrong", "correct them (see ~/.pgpass)"),
     ("no password supplied", "a password is needed", "give it in ~/.pgpass or PGPASSWORD"),

@@ -11,7 +11,10 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.errors import HrclogError, ImportDataError, OutputError
+from hrclog.errors import HrclogError, ImportDataError
+from hrclog.file_sets import is_unfinished, marker_name, replaced_set
+from hrclog.files import write_whole
+from hrclog.frame_files import write_by
 from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.knowledge.base import KnowledgeBase
 from hrclog.knowledge.documents import (
@@ -33,6 +36,9 @@ from hrclog.knowledge.write import put_withdrawal
 REST: Final = "hrclog.json"
 """The file of what the four collections do not say."""
 
+JSON_SET: Final = "kb-json"
+"""The kind of the set of files that `export_json` writes."""
+
 _REMEDY: Final = "export it again"
 
 
@@ -49,11 +55,11 @@ def export_json(kb: KnowledgeBase, folder: Path) -> list[tuple[Path, int]]:
     with kb.view() as view:
         files = {"task_results": list(chain.from_iterable(run_documents(view).values())), **other_documents(view)}
         rest = _rest_json(view)
-    written = [(folder / f"{name}.json", len(documents)) for name, documents in files.items()]
-    for (path, _), documents in zip(written, files.values(), strict=True):
-        _write(path, documents)
-    _write(folder / REST, rest)
-    return written
+    with replaced_set(folder, JSON_SET, keeps=True) as new:
+        for name, documents in files.items():
+            _write(new / f"{name}.json", documents)
+        _write(new / REST, rest)
+    return [(folder / f"{name}.json", len(documents)) for name, documents in files.items()]
 
 
 def run_documents(view: View) -> dict[str, list[Document]]:
@@ -89,16 +95,10 @@ def export_parquet(kb: KnowledgeBase, folder: Path) -> list[tuple[Path, int]]:
             "task_synergies": view.synergies(),
             "runs": pl.DataFrame([asdict(run) for run in view.runs()], _RUNS),
         }
-    written: list[tuple[Path, int]] = []
-    for name, frame in frames.items():
-        path = folder / f"{name}.parquet"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            frame.write_parquet(path)
-        except OSError as error:
-            raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
-        written.append((path, frame.height))
-    return written
+    with replaced_set(folder, "kb-parquet", keeps=True) as new:
+        for name, frame in frames.items():
+            write_by(frame.write_parquet, new / f"{name}.parquet")
+    return [(folder / f"{name}.parquet", frame.height) for name, frame in frames.items()]
 
 
 _PROPERTIES: Final = pl.Schema(
@@ -126,6 +126,9 @@ def import_json(kb: KnowledgeBase, folder: Path) -> tuple[dict[str, list[str]], 
         ImportDataError: a file is missing or not what was written.
         KnowledgeError: the database fails.
     """
+    if is_unfinished(folder, JSON_SET):
+        found = f"files of an export that was broken off ({marker_name(JSON_SET)})"
+        raise ImportDataError(folder, found, "what hrclog kb export wrote", _REMEDY)
     rest = _read(folder / REST)
     documents = _read(folder / "task_results.json")
     try:
@@ -190,11 +193,7 @@ def _record(run: Mapping[str, Any], snapshots: Mapping[str, Any], results: Mappi
 
 
 def _write(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON value
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise OutputError(path, f"cannot be written ({error.strerror or error})") from error
+    write_whole(path, f"{json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False)}\n".encode())
 
 
 def _read(path: Path) -> Any:  # noqa: ANN401 - any JSON value

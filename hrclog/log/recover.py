@@ -20,9 +20,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from hrclog.errors import LogExistsError, LogReadError, LogWriteError
+from hrclog.files import lock
 from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error, recognise
 from hrclog.log.files.names import is_journal_name, plain_name
-from hrclog.log.files.system import exists, lock
+from hrclog.log.files.system import exists
 from hrclog.log.files.unpack import unpacked
 from hrclog.log.limits import Budget
 from hrclog.log.losses import (

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from hrclog.errors import ScenarioError
+from hrclog.files import write_output
 from hrclog.json_record import JsonRecord, read_json
-from hrclog.log.files.system import replace_atomically
 from hrclog.planning.order import Ledger, possible_sequence
 from hrclog.planning.problem import Precedence, PrecedenceKind, Problem
 from hrclog.planning.provenance import (
@@ -199,10 +199,10 @@ def write_plan(path: Path, plan: Plan) -> None:
     """Write a plan as a JSON file, replacing an older one as a whole.
 
     Raises:
-        LogWriteError: the file cannot be written.
+        OutputError: the file cannot be written.
     """
     text = json.dumps(plan.to_json(), ensure_ascii=False, indent=1) + "\n"
-    replace_atomically(path, lambda stream: stream.write(text.encode()))
+    write_output(path, text.encode())
 
 
 def plan_from_json(record: JsonRecord) -> Plan:

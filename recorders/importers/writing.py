@@ -15,8 +15,8 @@ from hrclog.errors import HrclogError, ImportDataError, OutputError
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import COLUMNS, Event, RunStarted
 from hrclog.file_names import file_stem
+from hrclog.files import sync_folder
 from hrclog.ids import derived_id
-from hrclog.log.files.system import sync_folder
 from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.reader import read_log
 from hrclog.log.writing.writer import pack_events, packed_bytes, write_log, write_packed

@@ -1,16 +1,31 @@
-"""Names of the recordings: whole characters, short enough for a file system, one a run, whatever the order."""
+"""Results: names of recordings that every file system takes, one a run; and all files of one analysis, or marked."""
 
 from __future__ import annotations
 
 import random
+import shutil
 import unicodedata
 from itertools import pairwise
+from pathlib import Path
 
 import polars as pl
+import pytest
+from dying import contents, die
+from full_disks import largest_file
 from hypothesis import given
 from hypothesis import strategies as st
+from sizes import many
 
-from hrclog.analyzers.output import drawn_runs, recording_names
+from hrclog.analyzers.analysis import analyze
+from hrclog.analyzers.output import drawn_runs, recording_names, save
+from hrclog.analyzers.rerun.selection import recordings_at
+from hrclog.analyzers.result import Analysis
+from hrclog.errors import LogReadError, OutputError
+from hrclog.file_sets import ANALYSIS_SET, manifest_name
+from hrclog.files import write_output
+from hrclog.log.files.search import search
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
 
 NAME_MAX = 255
 """Bytes of a file's name that Linux, macOS and Windows take."""
@@ -80,3 +95,99 @@ def test_the_runs_that_are_drawn_are_evenly_spread_and_hold_both_ends(count: int
         steps = [ids.index(after) - ids.index(before) for before, after in pairwise(drawn)]
         assert max(steps) - min(steps) <= 1
     assert drawn_runs(pl.DataFrame({"run_id": ids}, {"run_id": pl.String}), None) == ids
+
+
+# Results are whole or absent
+
+
+@pytest.fixture(scope="module")
+def analyses() -> tuple[Analysis, Analysis]:
+    """Return what the old and the new results are of; runs of different names."""
+    return analyze(SAMPLES / "single.mcap"), analyze(SAMPLES / "failures.mcap")
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write recordings without what takes time: their pictures."""
+
+    def recording(self: Analysis, path: Path) -> None:
+        write_output(path, self.to_json().encode()[-2000:])
+
+    monkeypatch.setattr(Analysis, "to_rerun", recording)
+    monkeypatch.setattr(Analysis, "run_to_rerun", lambda self, _, path: recording(self, path))
+
+
+def leftovers(folder: Path) -> list[Path]:
+    return [*folder.rglob(".hrclog-*"), *folder.rglob("*.unfinished")]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_results_are_old_or_new_or_marked_whenever_analyze_dies(
+    analyses: tuple[Analysis, Analysis], tmp_path: Path
+) -> None:
+    old, new = analyses
+    save(old, tmp_path / "old")
+    save(new, tmp_path / "new")
+    before, wanted = contents(tmp_path / "old"), contents(tmp_path / "new")
+    assert before.keys() != wanted.keys()
+    n_changes = die(lambda: save(new, tmp_path / "old"), None)
+    states = set()
+    for after in range(0, n_changes, many(4, fuzz=1)):
+        folder = tmp_path / str(after)
+        shutil.copytree(tmp_path / "new", folder)
+        (folder / "mine.txt").write_text("mine")
+        save(old, folder)
+        die(lambda to=folder: save(new, to), after)  # type: ignore[misc] - bound at once
+        there = contents(folder)
+        assert there.pop("mine.txt") == b"mine"
+        if there.pop("analysis.unfinished", b""):  # an empty one says that nothing was moved yet
+            states.add("marked")
+            with pytest.raises(LogReadError, match=r"broken off.*run hrclog analyze LOG\.\.\. -o .* again"):
+                recordings_at(folder)
+            assert search(tmp_path).logs == {}
+        else:
+            states.add("old" if there == before else "new")
+            assert there in (before, wanted)
+        save(new, folder)
+        assert contents(folder) == {"mine.txt": b"mine"} | wanted
+        assert leftovers(folder) == []
+        shutil.rmtree(folder)
+    assert states == {"old", "marked", "new"}
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_full_disk_leaves_the_old_results(analyses: tuple[Analysis, Analysis], tmp_path: Path) -> None:
+    old, new = analyses
+    save(old, tmp_path)
+    before = contents(tmp_path)
+    save(new, tmp_path)
+    sizes = sorted({len(content) for content in contents(tmp_path).values()})
+    save(old, tmp_path)
+    for size in (0, 3, *(size - 1 for size in sizes[:: many(2, fuzz=1)]), sizes[-1] - 1):
+        with largest_file(size), pytest.raises(OutputError, match=r"cannot be written \(File too large\); free space"):
+            save(new, tmp_path)
+        assert contents(tmp_path) == before
+        assert leftovers(tmp_path) == []
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_results_without_a_manifest_lose_the_recordings_that_their_json_names(
+    analyses: tuple[Analysis, Analysis], tmp_path: Path
+) -> None:
+    old, new = analyses
+    save(new, tmp_path / "new")
+    save(old, tmp_path / "old")
+    (tmp_path / "old" / manifest_name(ANALYSIS_SET)).unlink()
+    (tmp_path / "old" / "runs" / "mine.rrd").write_bytes(b"mine")
+    save(new, tmp_path / "old")
+    assert contents(tmp_path / "old") == contents(tmp_path / "new") | {"runs/mine.rrd": b"mine"}
+
+
+def test_an_unfinished_set_is_passed_over_as_results(tmp_path: Path) -> None:
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "run.mcap").write_bytes(b"")
+    assert len(search(tmp_path).logs) == 1
+    (tmp_path / "results" / "analysis.unfinished").write_text("somebody's note")
+    assert len(search(tmp_path).logs) == 1
+    (tmp_path / "results" / "analysis.unfinished").write_text('{"hrclog_version": "1"}')
+    assert search(tmp_path).results == [tmp_path / "results"]

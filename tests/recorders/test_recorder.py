@@ -26,8 +26,8 @@ from hrclog import Recorder, intervals
 from hrclog.errors import IllegalEventError, InvalidEventError, LogExistsError, LogReadError, LogWriteError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import Event, Heartbeat, RunEnded, RunStarted, TaskDispatched, TaskStarted
+from hrclog.files import lock
 from hrclog.log.begun import Cleared, clear
-from hrclog.log.files.system import lock
 from hrclog.log.mcap.records import Walk
 from hrclog.log.messages.encode import Message
 from hrclog.log.reader import Logs, read_logs

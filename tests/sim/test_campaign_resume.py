@@ -115,7 +115,7 @@ def test_a_campaign_may_die_between_any_two_changes_to_files(tmp_path: Path, who
 def test_it_may_die_again_and_again(tmp_path: Path, whole: dict[str, bytes]) -> None:
     deaths = 0
     while "truth.json" not in contents(tmp_path) and deaths < 100:
-        die(tmp_path, 16)
+        die(tmp_path, 24)
         deaths += 1
     assert 3 <= deaths < 100
     if (tmp_path / ".campaign").exists():

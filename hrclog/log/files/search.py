@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
+from hrclog.file_sets import ANALYSIS_SET, marker_name
 from hrclog.log.files.names import BAG_METADATA, is_log_name
 
 RESULTS_FILE: Final = "analysis.json"
 """What `hrclog analyze` writes into every folder of results, and writes last."""
+
+UNFINISHED_RESULTS: Final = marker_name(ANALYSIS_SET)
+"""What lies in a folder of results while they are replaced, and stays where that is broken off."""
 
 _BESIDE_RESULTS: Final = frozenset({"analysis.rrd", "events.parquet"})
 _RESULTS_KEY: Final = b'"hrclog_version"'
@@ -108,7 +112,7 @@ class _Search:
     def _is_passed_over(self, folder: Path, names: set[str]) -> bool:
         if _ENVIRONMENT in names:
             return True
-        is_results = RESULTS_FILE in names and BAG_METADATA not in names and _holds_results(folder, names)
+        is_results = BAG_METADATA not in names and _holds_results(folder, names)
         if is_results:
             self.results.append(folder)
         return is_results
@@ -166,8 +170,12 @@ def _is_searched(name: str) -> bool:
     return not name.startswith(".") and name not in _NOT_SEARCHED
 
 
-def _holds_results(folder: Path, names: Iterable[str]) -> bool:
+def _holds_results(folder: Path, names: Collection[str]) -> bool:
     """Return whether a folder was written by `hrclog analyze`, and not just holds a file of that name."""
+    if UNFINISHED_RESULTS in names and _RESULTS_KEY in _head(folder / UNFINISHED_RESULTS):
+        return True
+    if RESULTS_FILE not in names:
+        return False
     return not _BESIDE_RESULTS.isdisjoint(names) or _RESULTS_KEY in _head(folder / RESULTS_FILE)
 
 

@@ -1,35 +1,11 @@
-"""What the operating system offers to keep files whole: locks, syncs and atomic renames."""
+"""What the operating system offers to keep logs whole."""
 
 from __future__ import annotations
 
-import os
-import sys
-import time
-from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
-from typing import IO
 
 from hrclog.errors import LogWriteError
-
-if sys.platform == "win32":  # two recorders of one file exclude each other by its creation alone
-
-    def lock(fd: int, *, wait: bool) -> bool:  # noqa: ARG001 - the same signature everywhere
-        """Return True: this system offers no lock."""
-        return True
-
-else:
-    import fcntl
-
-    def lock(fd: int, *, wait: bool) -> bool:
-        """Lock an open file until it is closed; return False where somebody else has it and `wait` is off."""
-        try:
-            fcntl.flock(fd, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError:
-            return False
-        except OSError:  # a file system without locks
-            return True
-        return True
+from hrclog.files import Fill, remedy_for, sync_folder, write_whole
 
 
 def exists(path: Path) -> bool:
@@ -40,26 +16,7 @@ def exists(path: Path) -> bool:
         return False
 
 
-def is_at(fd: int, path: Path) -> bool:
-    """Return whether an open file is the one at a path: it may have been removed, or replaced."""
-    try:
-        return os.path.samestat(os.fstat(fd), path.stat())
-    except OSError:
-        return False
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the names in a folder survive a crash of the operating system."""
-    if os.name != "posix":
-        return
-    fd = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
-
-
-def replace_atomically(path: Path, fill: Callable[[IO[bytes]], object], *, sync_names: bool = True) -> None:
+def replace_atomically(path: Path, fill: Fill, *, sync_names: bool = True) -> None:
     """Let `fill` write a hidden file, sync it, and rename it to `path`: it is there whole, or not at all.
 
     Args:
@@ -70,18 +27,10 @@ def replace_atomically(path: Path, fill: Callable[[IO[bytes]], object], *, sync_
     Raises:
         LogWriteError: the file cannot be written.
     """
-    temporary = path.with_name(f".hrclog-{os.getpid()}-{time.monotonic_ns()}.tmp")
     try:
-        with temporary.open("xb") as stream:
-            fill(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
+        write_whole(path, fill, durable=True)
         if sync_names:
             sync_folder(path.parent)
     except OSError as error:
-        reason = f"cannot be written ({error.strerror})"
-        raise LogWriteError(path, reason, "choose a folder that can be written") from error
-    finally:
-        with suppress(OSError):
-            temporary.unlink()
+        reason = f"cannot be written ({error.strerror or error})"
+        raise LogWriteError(path, reason, remedy_for(error, "choose a folder that can be written")) from error

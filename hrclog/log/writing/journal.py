@@ -21,7 +21,8 @@ from mcap.records import Channel, Header, Metadata, Schema
 
 from hrclog._version import __version__
 from hrclog.errors import InvalidEventError, LogExistsError, LogWriteError
-from hrclog.log.files.system import exists, is_at, lock, sync_folder
+from hrclog.files import is_at, lock, sync_folder
+from hrclog.log.files.system import exists
 from hrclog.log.mcap.chain import link, record_bytes
 from hrclog.log.mcap.records import MAGIC
 from hrclog.log.messages import channels

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hrclog.errors import HrclogError, ImportDataError
+from hrclog.files import write_whole
 from hrclog.recorders.importers.table.mapping import (
     SOURCE_FIELDS,
     WORD_FIELDS,
@@ -108,8 +109,7 @@ def write_mapping(path: Path, mapping: TableMapping) -> None:
         HrclogError: the file exists already, or cannot be written.
     """
     try:
-        with path.open("x", encoding="utf-8") as stream:
-            stream.write(mapping_text(mapping))
+        write_whole(path, mapping_text(mapping).encode(), is_new=True)
     except FileExistsError as error:
         raise HrclogError(f"{path}: exists already, not overwriting it; choose another name for --save-map") from error
     except OSError as error:
