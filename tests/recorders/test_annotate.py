@@ -13,6 +13,7 @@ import hrclog
 from hrclog import Recorder
 from hrclog.errors import HrclogError, InvalidEventError, LogReadError
 from hrclog.log.recover import recover
+from hrclog.log.remarks import without_said
 from hrclog.log.runs.tags import run_tags
 
 
@@ -123,3 +124,32 @@ def test_a_knowledge_base_takes_an_annotated_run_for_the_same(tmp_path: Path) ->
         assert len(ingest_logs(kb, [path]).added) == 1
         hrclog.annotate(path, {"a": 1})
         assert len(ingest_logs(kb, [path]).unchanged) == 1
+
+
+@pytest.mark.parametrize("target", ["run", "0.."])
+def test_a_run_of_which_something_is_excluded_is_resumed_as_it_is(target: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    recorder = Recorder(path, agents=["robot"])
+    execution = recorder.start("robot", "pick").fact.execution_id
+    recorder.close()
+    hrclog.annotate(path, exclude=[target], reason="a rehearsal")
+    with Recorder(path, resume=True) as resumed:
+        assert [handle.fact.execution_id for handle in resumed.open_executions()] == [execution]
+        next(iter(resumed.open_executions())).end()
+    hrclog.annotate(tmp_path, include=[target])
+    logs = hrclog.read_logs([tmp_path])
+    assert without_said(logs.events)["seq"].to_list() == list(range(6))
+    assert not logs.diagnostics
+
+
+def test_the_last_word_holds_whichever_file_of_a_run_it_was_said_of(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    record(path, resume=True)
+    hrclog.annotate(tmp_path, exclude=["run"], reason="a rehearsal")
+    assert hrclog.analyze(tmp_path).runs.height == 0
+    hrclog.annotate(path, include=["run"])
+    analysis = hrclog.analyze(tmp_path)
+    assert (analysis.runs["n_executions"].to_list(), analysis.exclusions) == ([2], [])
+    hrclog.annotate(tmp_path / "a.2.mcap", exclude=["run"], reason="after all")
+    analysis = hrclog.analyze(tmp_path)
+    assert (analysis.runs.height, len(analysis.exclusions)) == (0, 1)

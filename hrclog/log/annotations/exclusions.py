@@ -116,7 +116,7 @@ def exclusions_in(events: pl.DataFrame) -> list[Exclusion]:
 
 
 def excluded_runs(events: pl.DataFrame) -> list[Exclusion]:
-    """Return what is said of whole runs that are excluded."""
+    """Return what is said of whole runs that are excluded, by annotations of any of their files."""
     exclusions = exclusions_in(said_among(events))
     return [entry for entry in exclusions if entry.target.is_run and entry.verdict is Verdict.EXCLUDED]
 
