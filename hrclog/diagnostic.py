@@ -108,6 +108,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "types have no definition in the recording; they were read by the standard ones",
     ),
+    "annotation_unmatched": ("warning", "annotations of a run that no log beside them holds: they were not read"),
     "exclusion_unmatched": ("warning", "an annotation excludes an execution or a span of which there is nothing"),
     "similar_names": ("warning", "names of agents or tasks differ only in what is easily overlooked: are they one?"),
     # facts

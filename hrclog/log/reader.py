@@ -45,6 +45,7 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 
 _MOST_TOPICS: Final = 20  # that a message lists
 _NO_TOPICS: Final = "it has no topics"
+_LONE: Final = "annotations without the log that they are of, which was beside them: they were not read"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -109,6 +110,7 @@ def read_logs(
     counting = _without_foreign(parts, discovery.named)
     logs = _combine(counting, failures, clocks, conditions(where), with_excluded=with_excluded)
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in discovery.unread]
+    notes += [Diagnostic("annotation_unmatched", _LONE, str(path)) for path in discovery.lone_annotations]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 

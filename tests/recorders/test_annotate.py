@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+import zstandard
 
 import hrclog
 from hrclog import Recorder
@@ -153,3 +154,74 @@ def test_the_last_word_holds_whichever_file_of_a_run_it_was_said_of(tmp_path: Pa
     hrclog.annotate(tmp_path / "a.2.mcap", exclude=["run"], reason="after all")
     analysis = hrclog.analyze(tmp_path)
     assert (analysis.runs.height, len(analysis.exclusions)) == (0, 1)
+
+
+def test_they_are_read_whatever_name_led_to_the_log(tmp_path: Path) -> None:
+    for folder in ("logs", "links"):
+        (tmp_path / folder).mkdir()
+    path = record(tmp_path / "logs" / "a.mcap")
+    link = tmp_path / "links" / "b.mcap"
+    link.symlink_to(path)
+    hrclog.annotate(link, {"a": 1})
+    assert tags_at(path) == tags_at(tmp_path) == tags_at(link) == [{"a": "1"}]
+    (tmp_path / "links" / "b.annotations.mcap").symlink_to(tmp_path / "logs" / "a.annotations.mcap")
+    assert not hrclog.read_logs([link]).diagnostics
+
+
+def test_those_of_a_bag_are_read_from_within_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = tmp_path / "bag"
+    (bag / "below").mkdir(parents=True)
+    record(bag / "bag_0.mcap")
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: [bag_0.mcap]}\n")
+    for place, name in ((bag, "."), (bag / "below", "..")):
+        monkeypatch.chdir(place)
+        hrclog.annotate(name, {name.replace(".", "i"): 1})
+    assert tags_at(bag) == [{"i": "1", "ii": "1"}]
+
+
+@pytest.mark.parametrize("ending", [".gz", ".zst"])
+def test_they_are_read_when_all_files_were_compressed(ending: str, tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, {"a": 1})
+    pack = gzip.compress if ending == ".gz" else zstandard.compress
+    for file in tmp_path.glob("*.mcap"):
+        file.with_name(file.name + ending).write_bytes(pack(file.read_bytes()))
+        file.unlink()
+    packed = tmp_path / f"a.mcap{ending}"
+    assert tags_at(packed) == tags_at(tmp_path) == [{"a": "1"}]
+    hrclog.annotate(packed, {"a": 2})
+    assert tags_at(packed) == [{"a": "2"}]
+
+
+def test_those_of_a_run_that_the_log_does_not_hold_are_told(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, exclude=["run"], reason="a rehearsal")
+    path.unlink()
+    logs = hrclog.read_logs([record(path)])
+    assert [(finding.code, finding.path) for finding in logs.diagnostics] == [
+        ("annotation_unmatched", str(tmp_path / "a.annotations.mcap"))
+    ]
+
+
+def test_those_without_their_log_are_told(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, {"a": 1})
+    path.rename(tmp_path / "b.mcap")
+    lone = tmp_path / "a.annotations.mcap"
+    findings = hrclog.read_logs([tmp_path]).diagnostics
+    assert [(finding.code, finding.path) for finding in findings] == [("annotation_unmatched", str(lone))]
+    lone.rename(tmp_path / "b.annotations.mcap")
+    assert (hrclog.read_logs([tmp_path]).diagnostics, tags_at(tmp_path)) == ([], [{"a": "1"}])
+
+
+def test_they_go_with_a_log_that_is_recovered_under_another_name(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, {"a": 1})
+    damaged = path.read_bytes()[:-40]
+    path.write_bytes(damaged)
+    recover(path)
+    assert tags_at(tmp_path / "a.recovered.mcap") == [{"a": "1"}]
+    path.rename(tmp_path / "a.mcap.partial")
+    (tmp_path / "elsewhere").mkdir()
+    recover(tmp_path / "a.mcap.partial", tmp_path / "elsewhere" / "b.mcap")
+    assert tags_at(tmp_path / "elsewhere") == [{"a": "1"}]

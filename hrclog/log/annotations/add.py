@@ -15,8 +15,9 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import LogReadError, LogWriteError
 from hrclog.event_rows import from_row
 from hrclog.events import AnnotationAdded, Event
-from hrclog.log.annotations.beside import annotations_path, read_annotations
+from hrclog.log.annotations.beside import read_annotations
 from hrclog.log.annotations.said import Said
+from hrclog.log.files.annotation_files import annotations_path
 from hrclog.log.files.system import exists, lock
 from hrclog.log.messages.decode import EVENT_COLUMNS
 from hrclog.log.messages.encode import event_message
