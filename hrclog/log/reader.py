@@ -33,7 +33,6 @@ from hrclog.log.messages.recorded_scene import RecordedScene, merged, recorded_s
 from hrclog.log.messages.signals import SIGNAL_COLUMNS, merged_samples
 from hrclog.log.never_set import with_left_out_zero, with_numbers, without_unset
 from hrclog.log.parts import complaints, decode_bag, decode_file
-from hrclog.log.remarks import said_among
 from hrclog.log.runs.names import Joined, joined_splits, name_runs, named
 from hrclog.log.runs.tags import run_tags
 from hrclog.log.runs.where import ALL_RUNS, Condition, Where, conditions, matching_runs
@@ -350,7 +349,7 @@ def _selected(parts: list[Logs], wanted: tuple[Condition, ...]) -> list[Logs]:
 def _without_excluded_runs(parts: list[Logs]) -> tuple[list[Logs], list[Exclusion]]:
     """Leave out runs that annotations exclude, and what is doubtful about their files; return what these say too."""
     # of all parts together: the last word on a run may stand beside any of its files
-    exclusions = excluded_runs(pl.concat([said_among(part.events) for part in parts]))
+    exclusions = excluded_runs(part.events for part in parts)
     if not exclusions:
         return parts, []
     runs = {run for part in parts for run in part.events["run_id"].unique()}

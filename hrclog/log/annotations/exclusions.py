@@ -115,9 +115,9 @@ def exclusions_in(events: pl.DataFrame) -> list[Exclusion]:
     return sorted(exclusions, key=lambda entry: (entry.run_id, entry.at_ns, str(entry.target)))
 
 
-def excluded_runs(events: pl.DataFrame) -> list[Exclusion]:
-    """Return what is said of whole runs that are excluded, by annotations of any of their files."""
-    exclusions = exclusions_in(said_among(events))
+def excluded_runs(files: Iterable[pl.DataFrame]) -> list[Exclusion]:
+    """Return what is said of whole runs that are excluded, by annotations beside any of their files."""
+    exclusions = exclusions_in(pl.concat(map(said_among, files)))
     return [entry for entry in exclusions if entry.target.is_run and entry.verdict is Verdict.EXCLUDED]
 
 
