@@ -121,6 +121,18 @@ def excluded_runs(files: Iterable[pl.DataFrame]) -> list[Exclusion]:
     return [entry for entry in exclusions if entry.target.is_run and entry.verdict is Verdict.EXCLUDED]
 
 
+def executions_meant(events: pl.DataFrame, targets: Mapping[str, Target]) -> dict[str, dict[str, tuple[str, str]]]:
+    """Return by run the executions that a target there means, by id with agent and task; no run of which it is none.
+
+    Args:
+        events: an events frame.
+        targets: by run.
+    """
+    parts = _executions(events, targets).partition_by("run_id", as_dict=True)
+    meant = {str(run): _meant(part, targets[str(run)]) for (run,), part in parts.items()}
+    return {run: executions for run, executions in meant.items() if executions}
+
+
 def exclusion_diagnostics(exclusions: Iterable[Exclusion]) -> list[Diagnostic]:
     """Say once what is excluded, and what somebody means that is not there."""
     entries = list(exclusions)
