@@ -41,6 +41,13 @@ def test_a_tag_is_read_with_the_log_which_stays_as_it_is(tmp_path: Path) -> None
     assert [finding.code for finding in after.diagnostics] == [finding.code for finding in plain.diagnostics]
 
 
+def test_json_has_tags_by_their_keys_whatever_their_columns_are_called(tmp_path: Path) -> None:
+    tags = {"name": "a", "run_id": "b", "tag_run_id": "c", "condition": "d"}
+    analysis = hrclog.analyze(record(tmp_path / "a.mcap", tags=tags))
+    assert analysis.to_dict()["runs"][0]["tags"] == tags
+    assert analysis.runs.row(0, named=True)["tag_run_id"] == "b"
+
+
 def test_what_was_said_last_holds_and_may_be_taken_back(tmp_path: Path) -> None:
     path = record(tmp_path / "a.mcap", tags={"trial": 1})
     for tags in ({"a": "1"}, {"a": "2", "b": "1"}, {"b": None, "trial": None}):
