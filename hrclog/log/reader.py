@@ -179,7 +179,7 @@ def _read_all(
     ]
     for path in discovery.logs:
         try:
-            parts.append(_annotated(read_log(path, signals=signals), path))
+            parts.append(read_annotated(path, signals=signals))
         except LogReadError as error:
             failures.append(error)
         on_file(path)
@@ -208,7 +208,13 @@ def _as_note(finding: Diagnostic) -> Diagnostic:
     return replace(finding, code="not_imported") if finding.code == "no_events" else finding
 
 
-def _annotated(log: Logs, path: Path) -> Logs:
+def read_annotated(path: Path, *, signals: bool = False) -> Logs:
+    """Read one file or bag as `read_log` does, and behind its events the annotations beside it.
+
+    Raises:
+        LogReadError: it is missing, cannot be opened, or is no event log at all.
+    """
+    log = read_log(path, signals=signals)
     diagnostics = list(log.diagnostics)
     return replace(log, events=with_annotations(log.events, path, diagnostics), diagnostics=diagnostics)
 
