@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -173,6 +174,20 @@ def test_they_are_read_whatever_name_led_to_the_log(tmp_path: Path) -> None:
     assert tags_at(path) == tags_at(tmp_path) == tags_at(link) == [{"a": "1"}]
     (tmp_path / "links" / "b.annotations.mcap").symlink_to(tmp_path / "logs" / "a.annotations.mcap")
     assert not hrclog.read_logs([link]).diagnostics
+
+
+def test_those_of_a_link_stay_beside_it_where_the_folder_of_its_file_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for folder in ("logs", "links"):
+        (tmp_path / folder).mkdir()
+    path = record(tmp_path / "logs" / "a.mcap")
+    link = tmp_path / "links" / "b.mcap"
+    link.symlink_to(path)
+    monkeypatch.setattr(os, "access", lambda folder, _: folder != path.parent)
+    hrclog.annotate(link, {"a": 1})
+    assert [place.name for place in link.parent.iterdir() if place != link] == ["b.annotations.mcap"]
+    assert (tags_at(link), tags_at(path)) == ([{"a": "1"}], [])
 
 
 def test_those_of_a_bag_are_read_from_within_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
