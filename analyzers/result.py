@@ -72,7 +72,9 @@ class Analysis:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the machine-readable result: instants `*_ns`, durations `*_s`, null where not known."""
-        metrics_by_run = nested(self.metrics)
+        from hrclog.log.runs.tags import run_tags
+
+        metrics_by_run, tags = nested(self.metrics), run_tags(self.events)
         return {
             "schema_version": ANALYSIS_VERSION,
             "hrclog_version": __version__,
@@ -80,7 +82,7 @@ class Analysis:
             "outliers": self.outliers,
             "bootstrap": self.bootstrap,
             "runs": [
-                run_record(row) | {"metrics": metrics_by_run.get(row["run_id"], {})}
+                run_record(row, tags) | {"metrics": metrics_by_run.get(row["run_id"], {})}
                 for row in self.runs.iter_rows(named=True)
             ],
             "durations": self.durations.to_dicts(),

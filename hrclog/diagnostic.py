@@ -113,6 +113,7 @@ CODES: Final[dict[str, tuple[Severity, str]]] = {
         "warning",
         "types have no definition in the recording; they were read by the standard ones",
     ),
+    "annotation_unmatched": ("warning", "annotations of a run that no log beside them holds: they were not read"),
     "exclusion_unmatched": ("warning", "an annotation excludes an execution or a span of which there is nothing"),
     "goals_unread": (
         "warning",

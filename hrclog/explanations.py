@@ -212,6 +212,10 @@ EXPLANATIONS: Final[dict[str, Explanation]] = {
             "The recorder wrote no message definitions.",
             "Nothing, if the package of the types is of the same version.",
         ),
+        "annotation_unmatched": (
+            "The log was replaced or renamed since it was annotated, or another log has taken its name.",
+            "Put the annotations beside their log again: RUN.annotations.mcap beside RUN.mcap.",
+        ),
         "exclusion_unmatched": (
             "The log was replaced since it was annotated, or the annotations are those of another log.",
             "Take the exclusion back with `hrclog annotate LOG --include`, or put the right log in place.",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
+from numbers import Integral
 from types import MappingProxyType
 from typing import Final
 
@@ -67,8 +68,10 @@ def value_text(key: object, value: object) -> str:
     """
     if isinstance(value, str):
         return _storable(f"tag {key!r}", value.strip())
-    if isinstance(value, bool | int) or (isinstance(value, float) and math.isfinite(value)):
+    if isinstance(value, bool) or (isinstance(value, float) and math.isfinite(value)):
         return json.dumps(value)
+    if isinstance(value, Integral):  # of numpy too
+        return json.dumps(int(value))
     raise InvalidEventError(f"tag {key!r} is {value!r}, expected a text or a number")
 
 

@@ -14,9 +14,9 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError, InvalidEventError
 from hrclog.events import RunStarted
 from hrclog.log.annotations.add import add
-from hrclog.log.annotations.exclusions import Exclusion, exclusions_in
+from hrclog.log.annotations.exclusions import Exclusion, exclusions_in, executions_meant
 from hrclog.log.annotations.said import Said, Verdict
-from hrclog.log.annotations.targets import Target, parse_target
+from hrclog.log.annotations.targets import RUN_WORD, Target, parse_target
 from hrclog.log.reader import Logs, read_log, read_logs
 from hrclog.log.runs.facts import run_facts
 from hrclog.log.runs.where import ALL_RUNS, Where
@@ -24,6 +24,7 @@ from hrclog.tags import checked_tags
 
 _MOST_NAMED: Final = 10
 _SHORTEST_ID: Final = 4  # characters by which an execution may be named, if no other begins so
+_SPANS: Final = "expected seconds from when the run began, as timelines of reports count, or instants with a zone"
 _HOW: Final = "`hrclog export LOG --table intervals -o DIR` lists them"
 
 
@@ -34,12 +35,14 @@ class Annotated:
     Attributes:
         runs: names of runs by their ids.
         judged: what was said of which executions or spans, as texts, by run.
+        executions: those that these mean, by run and id with agent and task.
         written: the files.
         diagnostics: what is doubtful about the logs.
     """
 
     runs: Mapping[str, str]
     judged: Mapping[str, list[str]]
+    executions: Mapping[str, Mapping[str, tuple[str, str]]]
     written: list[Path]
     diagnostics: list[Diagnostic]
 
@@ -48,12 +51,12 @@ def annotate(
     paths: str | Path | Iterable[str | Path],
     tags: Mapping[str, str | float | None] | None = None,
     *,
-    exclude: Iterable[str] = (),
-    not_learnt: Iterable[str] = (),
-    include: Iterable[str] = (),
+    exclude: str | Iterable[str] = (),
+    not_learnt: str | Iterable[str] = (),
+    include: str | Iterable[str] = (),
     reason: str = "",
     author: str = "",
-    runs: Iterable[str] = (),
+    runs: str | Iterable[str] = (),
     where: Where = ALL_RUNS,
 ) -> Annotated:
     """Say something of runs, beside their logs, which are not rewritten; what is said last holds.
@@ -62,7 +65,8 @@ def annotate(
         paths: logs, folders and globs.
         tags: facts of the runs by key; None takes a tag back.
         exclude: what did not happen, as mistaken entries: `run`, the id of an execution (or how it begins), or FROM..TO
-            (seconds from the run's start, or instants), which means the executions that have a part in it.
+            (seconds from the run's start, or instants), which means the executions that have a part in it. One or
+            several.
         not_learnt: what happened, but nothing is to be learnt from; it still disturbs others.
         include: of which of these it is taken back.
         reason: why; alone it is a note.
@@ -76,21 +80,43 @@ def annotate(
         LogReadError: nothing matched, no file could be read, or annotations that are there are damaged.
         LogWriteError: annotations cannot be written.
     """
-    said = Said(_said_tags(tags or {}), {}, reason.strip(), author, time.time_ns())
-    verdicts = {Verdict.EXCLUDED: list(exclude), Verdict.NOT_LEARNT: list(not_learnt), Verdict.INCLUDED: list(include)}
+    said = Said(_said_tags(tags), {}, _text("reason", reason).strip(), _text("author", author), time.time_ns())
+    verdicts = {
+        Verdict.EXCLUDED: _texts("exclude", exclude),
+        Verdict.NOT_LEARNT: _texts("not_learnt", not_learnt),
+        Verdict.INCLUDED: _texts("include", include),
+    }
     _check(said, verdicts)
     logs = read_logs([paths] if isinstance(paths, str | Path) else paths, where=where, with_excluded=True)
-    names = _named(logs, list(runs))
-    judgements = _judgements(logs.events.filter(pl.col("run_id").is_in(list(names))), verdicts)
+    names = _named(logs, _texts("runs", runs))
+    judgements, executions = _judgements(logs.events.filter(pl.col("run_id").is_in(list(names))), verdicts)
     if any(verdicts.values()) and not said.tags:
         names = {run: name for run, name in names.items() if judgements.get(run)}
     by_run = {run: replace(said, judgements=judgements.get(run, {})) for run in names}
     written = [path for log in logs.paths for path in _annotate(log, by_run)]
     texts = {run: [str(target) for target in targets] for run, targets in judgements.items()}
-    return Annotated(names, texts, written, logs.diagnostics)
+    return Annotated(names, texts, executions, written, logs.diagnostics)
 
 
-def _said_tags(tags: Mapping[str, str | float | None]) -> dict[str, str]:
+def _text(name: str, value: object) -> str:
+    if not isinstance(value, str):
+        raise InvalidEventError(f"annotate: {name} is {value!r}, expected a text")
+    return value
+
+
+def _texts(name: str, value: object) -> list[str]:
+    """Return one text or several as a list; a user may give anything."""
+    texts = [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
+    return [_text(name, text) for text in texts]
+
+
+def _said_tags(tags: Mapping[str, str | float | None] | None) -> dict[str, str]:
+    if tags is None:
+        return {}
+    if not isinstance(tags, Mapping):
+        raise InvalidEventError(
+            f"annotate: tags are {tags!r}, expected values by key, such as {{'participant': 'P01'}}"
+        )
     taken_back = {key: "" for key, value in tags.items() if value is None}
     given = checked_tags({key: value for key, value in tags.items() if value is not None})
     checked_tags(dict.fromkeys(taken_back, "?"))  # their keys
@@ -119,23 +145,34 @@ def _named(logs: Logs, wanted: list[str]) -> dict[str, str]:
     return {run: name for run, name in names.items() if run in wanted or name in wanted}
 
 
-def _judgements(events: pl.DataFrame, verdicts: Mapping[Verdict, list[str]]) -> dict[str, dict[Target, Verdict]]:
-    """Return what is said of which runs.
+def _judgements(
+    events: pl.DataFrame, verdicts: Mapping[Verdict, list[str]]
+) -> tuple[dict[str, dict[Target, Verdict]], dict[str, dict[str, tuple[str, str]]]]:
+    """Return what is said of which runs, and the executions that this means, those of whole runs aside.
 
     Raises:
-        HrclogError: there is no such execution, or no such exclusion to be taken back.
+        HrclogError: there is no such execution, no execution in a span, or no such exclusion to be taken back.
     """
     judgements: dict[str, dict[Target, Verdict]] = {}
+    executions: dict[str, dict[str, tuple[str, str]]] = {}
     starts = _starts(events)
     standing = exclusions_in(events)
     for verdict, texts in verdicts.items():
         for text in texts:
-            targets = _targets(text, events, starts)
+            said_so = {entry.run_id: entry.target for entry in standing if str(entry.target) == text.strip()}
+            targets = said_so if verdict is Verdict.INCLUDED and said_so else _targets(text, events, starts)
+            meant = executions_meant(events, targets)
             if verdict is Verdict.INCLUDED:
                 targets = _standing(text, targets, standing)
+            else:
+                targets = {run: target for run, target in targets.items() if target.is_run or run in meant}
+                if not targets:
+                    raise HrclogError(f"{text!r}: found no execution that has a part in this span; {_SPANS}")
             for run, target in targets.items():
                 judgements.setdefault(run, {})[target] = verdict
-    return judgements
+                if not target.is_run:
+                    executions.setdefault(run, {}).update(meant.get(run, {}))
+    return judgements, executions
 
 
 def _starts(events: pl.DataFrame) -> dict[str, int]:
@@ -148,12 +185,13 @@ def _starts(events: pl.DataFrame) -> dict[str, int]:
 
 def _targets(text: str, events: pl.DataFrame, starts: Mapping[str, int]) -> dict[str, Target]:
     """Return by run what a text means there."""
-    targets = {run: parse_target(text, start) for run, start in starts.items()}
-    wanted = next((target.execution_id for target in targets.values()), "")
-    if not wanted:
-        return targets
     ids = events.filter(pl.col("execution_id") != "").select("run_id", "execution_id").unique().rows()
-    matches = sorted(key for key in ids if key[1] == wanted)
+    wanted = text.strip()
+    matches = [] if wanted == RUN_WORD else sorted(key for key in ids if key[1] == wanted)
+    if not matches:
+        targets = {run: parse_target(text, start) for run, start in starts.items()}
+        if not next((target.execution_id for target in targets.values()), ""):
+            return targets
     if not matches and len(wanted) >= _SHORTEST_ID:
         matches = sorted(key for key in ids if key[1].startswith(wanted))
     if not matches:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,6 +33,10 @@ def test_numbers_and_truth_values_are_written_as_json_does(tags: dict[str, float
 def test_a_text_of_another_form_is_refused(text: str) -> None:
     with pytest.raises(InvalidEventError):
         checked_tags(parse_tags([text]))
+
+
+def test_integers_of_numpy_are_integers() -> None:
+    assert checked_tags({"trial": np.int64(3)}) == {"trial": "3"}
 
 
 def test_a_key_has_one_value() -> None:

@@ -19,8 +19,9 @@ from hrclog.analyzers.projections.intervals import rebuild
 from hrclog.analyzers.projections.runs import runs
 from hrclog.analyzers.result import Analysis
 from hrclog.errors import LogReadError
+from hrclog.log.annotations.exclusions import judged
 from hrclog.log.files.system import exists
-from hrclog.log.reader import Logs, read_log
+from hrclog.log.reader import Logs, read_annotated
 from hrclog.log.watch import Listing, Stamp, finished_log, list_folder
 from hrclog.wording import counted
 
@@ -193,7 +194,7 @@ class _Live:
         self._ended.drop(path)
         self.statistics.changed()
         try:
-            logs = read_log(path, signals=True)
+            logs = read_annotated(path, signals=True)
         except LogReadError as error:
             self._tell(str(error))
             return None
@@ -210,8 +211,8 @@ class _Live:
             others = counted(n_others, f"{which} run is", f"{which} runs are")
             self._tell(f"{others} in the statistics, not drawn: hrclog view FILE shows one")
         for run_id, path in starts.tail(DRAWN_RUNS).select("run_id", "path").iter_rows():
-            logs = read_log(Path(path), signals=True)
-            events = self._ended.events_of(run_id)
+            logs = read_annotated(Path(path), signals=True)
+            events = judged(self._ended.events_of(run_id)).events
             executions, _ = rebuild(events)
             row = runs(events, executions).row(0, named=True)
             signals = logs.signals.filter(pl.col("run_id") == run_id)

@@ -14,6 +14,7 @@ from hrclog.analyzers.projections.metrics import MINIMUM_DISTANCE
 from hrclog.analyzers.projections.schemas import SIGNALS
 from hrclog.analyzers.result import Analysis
 from hrclog.diagnostic import Diagnostic
+from hrclog.log.annotations.exclusions import excluded_runs, exclusion_diagnostics, judged
 from hrclog.log.checks import check_events, usable, without_copies
 from hrclog.log.messages.message import EVENTS
 from hrclog.log.reader import ORDER, Logs
@@ -46,10 +47,10 @@ class EndedRuns:
         self._logs.pop(path, None)
 
     def starts(self) -> pl.DataFrame:
-        """Return one row per run, the earliest first: run_id, start_ns and the path of its last log."""
+        """Return one row per run that counts, the earliest first: run_id, start_ns and the path of its last log."""
         run_starts = (
-            self._events()
-            .group_by("run_id")
+            judged(self._events())
+            .events.group_by("run_id")
             .agg(pl.col("time_ns").min().alias("start_ns"), pl.col("path").sort_by("time_ns").last())
         )
         return run_starts.sort("start_ns", "run_id")
@@ -60,7 +61,10 @@ class EndedRuns:
 
     def logs(self) -> Logs:
         """Return all logs together, as if they had been read at once."""
-        events, copies = without_copies(self._events())
+        told = self._events()
+        whole_runs = excluded_runs([told])
+        left_out = {entry.run_id for entry in whole_runs}
+        events, copies = without_copies(told.filter(~pl.col("run_id").is_in(sorted(left_out))))
         events = events.sort(ORDER, maintain_order=True)
         logs = [self._logs[path] for path in sorted(self._logs)]
         diagnostics = [diagnostic for log in logs for diagnostic in log.diagnostics]
@@ -70,10 +74,14 @@ class EndedRuns:
             )
             for log in logs
             for (run, name), values in log.distances.items()
+            if run not in left_out
         ]
-        diagnostics += [*copies, *check_events(events)]
+        verdict = judged(usable(events))
+        exclusions = [*whole_runs, *verdict.exclusions]
+        diagnostics += [*copies, *check_events(events), *exclusion_diagnostics(exclusions)]
         samples = pl.concat([SIGNALS.to_frame(), *(part.cast(SIGNALS) for part in signals)])
-        return Logs(usable(events), samples, diagnostics, sorted(self._logs))
+        paths = sorted(self._logs)
+        return Logs(verdict.events, samples, diagnostics, paths, excluded=verdict.excluded, exclusions=exclusions)
 
     def _events(self) -> pl.DataFrame:
         return pl.concat([EVENTS.to_frame(), *(self._logs[path].events for path in sorted(self._logs))])

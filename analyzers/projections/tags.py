@@ -57,10 +57,14 @@ def tag_names(runs: pl.DataFrame) -> list[str]:
     return [name for name in runs.columns if name not in RUNS]
 
 
-def run_record(run: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row of a table of runs for JSON: the columns of `RUNS`, and its tags by key in `tags`."""
-    tags = {key: value for key, value in run.items() if key not in RUNS and value}
-    return {name: run[name] for name in RUNS} | {"tags": tags}
+def run_record(run: Mapping[str, Any], tags: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+    """Return a row of a table of runs for JSON: the columns of `RUNS`, and its tags by key in `tags`.
+
+    Args:
+        run: the row.
+        tags: of runs by their ids; a column may have another name than the tag's.
+    """
+    return {name: run[name] for name in RUNS} | {"tags": dict(tags.get(run["run_id"], {}))}
 
 
 def tags_text(run: Mapping[str, Any]) -> str:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hrclog.recorders.annotate import Annotated
 
 TARGET = "run|ID|FROM..TO"
+_MOST_NAMED = 6
 
 
 def _tags(_context: click.Context, _parameter: click.Parameter, values: tuple[str, ...]) -> dict[str, str | None]:
@@ -101,11 +102,26 @@ def command(
         words = {"excluded": exclude, "not learnt from": not_learnt, "taken back": include}
         facts += [f"{', '.join(targets)} {word}" for word, targets in words.items() if targets]
         echo(f"{counted(len(annotated.runs), 'run')}: {', '.join(facts) or 'a note'}")
+        if annotated.executions:
+            echo(_executions_text(annotated))
     return tell(annotated.diagnostics)
+
+
+def _executions_text(annotated: Annotated) -> str:
+    """Return which executions are meant, so that a span of another time, or of another clock, is seen at once."""
+    names = [f"{agent} {task}" for meant in annotated.executions.values() for agent, task in meant.values()]
+    more = [f"{len(names) - _MOST_NAMED} more"] if len(names) > _MOST_NAMED else []
+    return f"{counted(len(names), 'execution')}: {', '.join([*names[:_MOST_NAMED], *more])}"
 
 
 def _print_json(annotated: Annotated, tags: dict[str, str | None]) -> None:
     runs = [
-        {"run_id": run, "name": name, "judged": annotated.judged.get(run, [])} for run, name in annotated.runs.items()
+        {
+            "run_id": run,
+            "name": name,
+            "judged": annotated.judged.get(run, []),
+            "executions": list(annotated.executions.get(run, {})),
+        }
+        for run, name in annotated.runs.items()
     ]
     print_json({"runs": runs, "tags": tags, "written": [str(path) for path in annotated.written]})

@@ -94,7 +94,8 @@ def _callback(importer: Importer) -> Any:
         try:
             return do_import(sources, output, as_json, **options)
         except ImportDataError as error:
-            other = other_importer_line(error.path, importer.name)
+            is_of_output = output is not None and output in error.path.parents  # a log that is there, no source
+            other = "" if is_of_output else other_importer_line(error.path, importer.name)
             if other:
                 raise HrclogError(joined(str(error), other)) from error
             raise

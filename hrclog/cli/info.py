@@ -143,14 +143,16 @@ def _runs(read: Logs) -> list[dict[str, Any]]:
     from hrclog.analyzers.projections.intervals import intervals
     from hrclog.analyzers.projections.runs import runs
     from hrclog.analyzers.projections.tags import run_record
+    from hrclog.log.runs.tags import run_tags
 
     events = read.events.group_by("run_id").agg(
         pl.len().alias("n_events"), pl.col("time_ns").min().alias("first_ns"), pl.col("time_ns").max().alias("last_ns")
     )
     counts = {row["run_id"]: row for row in events.iter_rows(named=True)}
     samples = dict(read.signals.group_by("run_id").len().iter_rows())
+    tags = run_tags(read.events)
     return [
-        run_record(row) | counts[row["run_id"]] | {"n_signal_samples": samples.get(row["run_id"], 0)}
+        run_record(row, tags) | counts[row["run_id"]] | {"n_signal_samples": samples.get(row["run_id"], 0)}
         for row in runs(read.events, intervals(read.events)).iter_rows(named=True)
     ]
 

@@ -252,14 +252,17 @@ def _read_run(path: Path, clocks: dict[str, int]) -> tuple[list[Event], int]:
     """
     from hrclog.errors import ScenarioError
     from hrclog.event_rows import from_row
+    from hrclog.log.annotations.exclusions import exclusion_diagnostics, judged
     from hrclog.log.clocks.correction import on_one_clock
     from hrclog.log.never_set import with_numbers, without_unset
-    from hrclog.log.reader import read_log
+    from hrclog.log.reader import read_annotated
 
-    logs = read_log(path)
+    logs = read_annotated(path)
     events, unset = without_unset(logs.events)
     events, corrections = on_one_clock(with_numbers(events)[0], clocks)
-    code = tell([*logs.diagnostics, *unset, *corrections])
+    verdict = judged(events)
+    events = verdict.events
+    code = tell([*logs.diagnostics, *unset, *corrections, *exclusion_diagnostics(verdict.exclusions)])
     n_runs = events["run_id"].drop_nulls().n_unique()
     if n_runs != 1:
         raise ScenarioError(f"{path}: found {n_runs} runs, expected the log of one; hrclog info lists them")

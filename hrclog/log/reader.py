@@ -45,6 +45,7 @@ ORDER: Final = ("run_id", "time_ns", "seq", "kind", "execution_id")
 _MOST_TOPICS: Final = 20  # that a message lists
 _NO_EVENTS: Final = EVENTS.to_frame()
 _NO_TOPICS: Final = "it has no topics"
+_LONE: Final = "annotations without the log that they are of, which was beside them: they were not read"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -109,6 +110,7 @@ def read_logs(
     counting = _without_foreign(parts, discovery.named)
     logs = _combine(counting, failures, clocks, conditions(where), with_excluded=with_excluded)
     notes = [Diagnostic("unread_logs", text, str(path)) for path, text in discovery.unread]
+    notes += [Diagnostic("annotation_unmatched", _LONE, str(path)) for path in discovery.lone_annotations]
     return replace(logs, diagnostics=[*logs.diagnostics, *notes])
 
 
@@ -178,7 +180,7 @@ def _read_all(
     ]
     for path in discovery.logs:
         try:
-            parts.append(_annotated(read_log(path, signals=signals), path))
+            parts.append(read_annotated(path, signals=signals))
         except LogReadError as error:
             failures.append(error)
         on_file(path)
@@ -207,7 +209,13 @@ def _as_note(finding: Diagnostic) -> Diagnostic:
     return replace(finding, code="not_imported") if finding.code == "no_events" else finding
 
 
-def _annotated(log: Logs, path: Path) -> Logs:
+def read_annotated(path: Path, *, signals: bool = False) -> Logs:
+    """Read one file or bag as `read_log` does, and behind its events the annotations beside it.
+
+    Raises:
+        LogReadError: it is missing, cannot be opened, or is no event log at all.
+    """
+    log = read_log(path, signals=signals)
     diagnostics = list(log.diagnostics)
     return replace(log, events=with_annotations(log.events, path, diagnostics), diagnostics=diagnostics)
 
@@ -347,7 +355,8 @@ def _selected(parts: list[Logs], wanted: tuple[Condition, ...]) -> list[Logs]:
 
 def _without_excluded_runs(parts: list[Logs]) -> tuple[list[Logs], list[Exclusion]]:
     """Leave out runs that annotations exclude, and what is doubtful about their files; return what these say too."""
-    exclusions = [entry for part in parts for entry in excluded_runs(part.events)]
+    # of all parts together: the last word on a run may stand beside any of its files
+    exclusions = excluded_runs(part.events for part in parts)
     if not exclusions:
         return parts, []
     runs = {run for part in parts for run in part.events["run_id"].unique()}

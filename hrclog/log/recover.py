@@ -21,6 +21,7 @@ from mcap.records import Channel, Schema
 
 from hrclog.errors import LogExistsError, LogReadError, LogWriteError
 from hrclog.files import lock
+from hrclog.log.files.annotation_files import copy_annotations
 from hrclog.log.files.formats import HEAD_BYTES, Format, foreign_error, recognise
 from hrclog.log.files.names import is_journal_name, plain_name
 from hrclog.log.files.system import exists
@@ -87,7 +88,7 @@ def recover(source: Path, path: Path | None = None, *, wait: bool = False) -> Re
     """Write the finished log of a journal and remove the journal; a damaged log is kept beside its recovery.
 
     A journal beside a finished log of the same messages (killed between the two last steps of closing) is only removed.
-    A finished log without damage is left as it is, and a compressed file is kept.
+    A finished log without damage is left as it is, and a compressed file is kept. Annotations go with the log.
 
     Args:
         source: a journal, or a damaged log.
@@ -124,6 +125,7 @@ def recover(source: Path, path: Path | None = None, *, wait: bool = False) -> Re
             loss = of_unprotected(loss)
         if not exists(target) or _forgets(target, source, (contents, data), loss):
             write_atomically(target, lambda writer: _copy((contents, data), writer, loss))
+        copy_annotations(source, target)
         remove_journal(source, damaged=bool(problems))
     return Recovered(source, target, n_messages, problems, earlier)
 

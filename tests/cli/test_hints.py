@@ -265,3 +265,13 @@ def test_help_and_hints_load_nothing_heavy(tmp_path: Path) -> None:
         assert not {"polars", "numpy", "mcap", "pandas"} & set(sys.modules)
     """
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=True)
+
+
+def test_a_log_that_an_import_finds_there_is_not_to_be_imported(run: Run, tmp_path: Path) -> None:
+    study, logs = tmp_path / "study.csv", tmp_path / "logs"
+    study.write_text(STUDY)
+    assert run("import", "table", study, "-o", logs).code == 0
+    study.write_text(STUDY.replace("05Z", "06Z"))
+    refused = run("import", "table", study, "-o", logs)
+    assert "the source has changed since" in refused.err
+    assert "hrclog import" not in refused.err

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+import hrclog
 from hrclog.event_rows import from_row
 from hrclog.events import Event, Outcome, TaskEnded, TaskStarted
 from hrclog.log.messages.encode import event_message
@@ -196,6 +197,16 @@ def test_a_run_that_broke_off_is_planned_to_its_end(count: int, run: Run, kb: Pa
     assert set(done) <= {item.item_id for item in rest.items}
     for agent, under_way in run_state(events).running.items():
         assert next(i.item_id for i in rest.queue(agent) if i.item_id not in done) == under_way.item_id
+
+
+def test_what_is_excluded_from_a_run_is_still_to_be_done(run: Run, kb: Path, tmp_path: Path) -> None:
+    events = events_of()[:13]
+    write_log(tmp_path / "part.mcap", events)
+    ended = [event for event in events if isinstance(event, TaskEnded)]
+    hrclog.annotate(tmp_path / "part.mcap", exclude=ended[-1].execution_id, reason="the button was pressed by mistake")
+    result = run("plan", "paper", "--kb", kb, "--from", tmp_path / "part.mcap", "-o", tmp_path / "rest.json")
+    assert f"part.mcap: {len(ended) - 1} items done, " in result.out
+    assert "[excluded]" in result.err
 
 
 def test_a_failure_is_planned_for_and_told_as_json(run: Run, kb: Path, tmp_path: Path) -> None:

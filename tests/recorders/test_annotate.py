@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import gzip
+import os
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+import zstandard
 
 import hrclog
 from hrclog import Recorder
 from hrclog.errors import HrclogError, InvalidEventError, LogReadError
 from hrclog.log.recover import recover
+from hrclog.log.remarks import without_said
 from hrclog.log.runs.tags import run_tags
 
 
@@ -37,6 +40,13 @@ def test_a_tag_is_read_with_the_log_which_stays_as_it_is(tmp_path: Path) -> None
         assert getattr(after, name).equals(getattr(plain, name)), name
     assert after.runs.drop("condition", "participant", "trial").equals(plain.runs.drop("participant", "trial"))
     assert [finding.code for finding in after.diagnostics] == [finding.code for finding in plain.diagnostics]
+
+
+def test_json_has_tags_by_their_keys_whatever_their_columns_are_called(tmp_path: Path) -> None:
+    tags = {"name": "a", "run_id": "b", "tag_run_id": "c", "condition": "d"}
+    analysis = hrclog.analyze(record(tmp_path / "a.mcap", tags=tags))
+    assert analysis.to_dict()["runs"][0]["tags"] == tags
+    assert analysis.runs.row(0, named=True)["tag_run_id"] == "b"
 
 
 def test_what_was_said_last_holds_and_may_be_taken_back(tmp_path: Path) -> None:
@@ -123,3 +133,117 @@ def test_a_knowledge_base_takes_an_annotated_run_for_the_same(tmp_path: Path) ->
         assert len(ingest_logs(kb, [path]).added) == 1
         hrclog.annotate(path, {"a": 1})
         assert len(ingest_logs(kb, [path]).unchanged) == 1
+
+
+@pytest.mark.parametrize("target", ["run", "0.."])
+def test_a_run_of_which_something_is_excluded_is_resumed_as_it_is(target: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    recorder = Recorder(path, agents=["robot"])
+    execution = recorder.start("robot", "pick").fact.execution_id
+    recorder.close()
+    hrclog.annotate(path, exclude=[target], reason="a rehearsal")
+    with Recorder(path, resume=True) as resumed:
+        assert [handle.fact.execution_id for handle in resumed.open_executions()] == [execution]
+        next(iter(resumed.open_executions())).end()
+    hrclog.annotate(tmp_path, include=[target])
+    logs = hrclog.read_logs([tmp_path])
+    assert without_said(logs.events)["seq"].to_list() == list(range(6))
+    assert not logs.diagnostics
+
+
+def test_the_last_word_holds_whichever_file_of_a_run_it_was_said_of(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    record(path, resume=True)
+    hrclog.annotate(tmp_path, exclude=["run"], reason="a rehearsal")
+    assert hrclog.analyze(tmp_path).runs.height == 0
+    hrclog.annotate(path, include=["run"])
+    analysis = hrclog.analyze(tmp_path)
+    assert (analysis.runs["n_executions"].to_list(), analysis.exclusions) == ([2], [])
+    hrclog.annotate(tmp_path / "a.2.mcap", exclude=["run"], reason="after all")
+    analysis = hrclog.analyze(tmp_path)
+    assert (analysis.runs.height, len(analysis.exclusions)) == (0, 1)
+
+
+def test_they_are_read_whatever_name_led_to_the_log(tmp_path: Path) -> None:
+    for folder in ("logs", "links"):
+        (tmp_path / folder).mkdir()
+    path = record(tmp_path / "logs" / "a.mcap")
+    link = tmp_path / "links" / "b.mcap"
+    link.symlink_to(path)
+    hrclog.annotate(link, {"a": 1})
+    assert tags_at(path) == tags_at(tmp_path) == tags_at(link) == [{"a": "1"}]
+    (tmp_path / "links" / "b.annotations.mcap").symlink_to(tmp_path / "logs" / "a.annotations.mcap")
+    assert not hrclog.read_logs([link]).diagnostics
+
+
+def test_those_of_a_link_stay_beside_it_where_the_folder_of_its_file_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for folder in ("logs", "links"):
+        (tmp_path / folder).mkdir()
+    path = record(tmp_path / "logs" / "a.mcap")
+    link = tmp_path / "links" / "b.mcap"
+    link.symlink_to(path)
+    monkeypatch.setattr(os, "access", lambda folder, _: folder != path.parent)
+    hrclog.annotate(link, {"a": 1})
+    assert [place.name for place in link.parent.iterdir() if place != link] == ["b.annotations.mcap"]
+    assert (tags_at(link), tags_at(path)) == ([{"a": "1"}], [])
+
+
+def test_those_of_a_bag_are_read_from_within_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = tmp_path / "bag"
+    (bag / "below").mkdir(parents=True)
+    record(bag / "bag_0.mcap")
+    (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: {relative_file_paths: [bag_0.mcap]}\n")
+    for place, name in ((bag, "."), (bag / "below", "..")):
+        monkeypatch.chdir(place)
+        hrclog.annotate(name, {name.replace(".", "i"): 1})
+    assert tags_at(bag) == [{"i": "1", "ii": "1"}]
+
+
+@pytest.mark.parametrize("ending", [".gz", ".zst"])
+def test_they_are_read_when_all_files_were_compressed(ending: str, tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, {"a": 1})
+    pack = gzip.compress if ending == ".gz" else zstandard.compress
+    for file in tmp_path.glob("*.mcap"):
+        file.with_name(file.name + ending).write_bytes(pack(file.read_bytes()))
+        file.unlink()
+    packed = tmp_path / f"a.mcap{ending}"
+    assert tags_at(packed) == tags_at(tmp_path) == [{"a": "1"}]
+    hrclog.annotate(packed, {"a": 2})
+    assert tags_at(packed) == [{"a": "2"}]
+
+
+def test_those_of_a_run_that_the_log_does_not_hold_are_told(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, exclude=["run"], reason="a rehearsal")
+    path.unlink()
+    logs = hrclog.read_logs([record(path)])
+    assert [(finding.code, finding.path) for finding in logs.diagnostics] == [
+        ("annotation_unmatched", str(tmp_path / "a.annotations.mcap"))
+    ]
+
+
+def test_those_without_their_log_are_told(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, {"a": 1})
+    path.rename(tmp_path / "b.mcap")
+    lone = tmp_path / "a.annotations.mcap"
+    findings = hrclog.read_logs([tmp_path]).diagnostics
+    assert [(finding.code, finding.path) for finding in findings] == [("annotation_unmatched", str(lone))]
+    lone.rename(tmp_path / "b.annotations.mcap")
+    assert (hrclog.read_logs([tmp_path]).diagnostics, tags_at(tmp_path)) == ([], [{"a": "1"}])
+
+
+def test_they_go_with_a_log_that_is_recovered_under_another_name(tmp_path: Path) -> None:
+    path = record(tmp_path / "a.mcap")
+    hrclog.annotate(path, {"a": 1})
+    damaged = path.read_bytes()[:-40]
+    path.write_bytes(damaged)
+    recover(path)
+    assert tags_at(tmp_path / "a.recovered.mcap") == [{"a": "1"}]
+    path.rename(tmp_path / "a.mcap.partial")
+    (tmp_path / "elsewhere").mkdir()
+    recover(tmp_path / "a.mcap.partial", tmp_path / "elsewhere" / "b.mcap")
+    assert tags_at(tmp_path / "elsewhere") == [{"a": "1"}]

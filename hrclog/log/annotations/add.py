@@ -16,8 +16,9 @@ from hrclog.errors import LogReadError, LogWriteError
 from hrclog.event_rows import from_row
 from hrclog.events import AnnotationAdded, Event
 from hrclog.files import lock
-from hrclog.log.annotations.beside import annotations_path, read_annotations
+from hrclog.log.annotations.beside import read_annotations
 from hrclog.log.annotations.said import Said
+from hrclog.log.files.annotation_files import annotations_path
 from hrclog.log.files.system import exists
 from hrclog.log.messages.decode import EVENT_COLUMNS
 from hrclog.log.messages.encode import event_message

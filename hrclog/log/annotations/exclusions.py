@@ -115,12 +115,23 @@ def exclusions_in(events: pl.DataFrame) -> list[Exclusion]:
     return sorted(exclusions, key=lambda entry: (entry.run_id, entry.at_ns, str(entry.target)))
 
 
-def excluded_runs(events: pl.DataFrame) -> list[Exclusion]:
-    """Return what is said of whole runs that are excluded."""
-    if not _may_hold_words(events):
-        return []
-    exclusions = exclusions_in(said_among(events))
+def excluded_runs(files: Iterable[pl.DataFrame]) -> list[Exclusion]:
+    """Return what is said of whole runs that are excluded, by annotations beside any of their files."""
+    telling = [said_among(events) for events in files if _may_hold_words(events)]
+    exclusions = exclusions_in(pl.concat(telling)) if telling else []
     return [entry for entry in exclusions if entry.target.is_run and entry.verdict is Verdict.EXCLUDED]
+
+
+def executions_meant(events: pl.DataFrame, targets: Mapping[str, Target]) -> dict[str, dict[str, tuple[str, str]]]:
+    """Return by run the executions that a target there means, by id with agent and task; no run of which it is none.
+
+    Args:
+        events: an events frame.
+        targets: by run.
+    """
+    parts = _executions(events, targets).partition_by("run_id", as_dict=True)
+    meant = {str(run): _meant(part, targets[str(run)]) for (run,), part in parts.items()}
+    return {run: executions for run, executions in meant.items() if executions}
 
 
 def exclusion_diagnostics(exclusions: Iterable[Exclusion]) -> list[Diagnostic]:

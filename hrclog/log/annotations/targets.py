@@ -91,6 +91,9 @@ def parse_target(text: str, start_ns: int) -> Target:
         return Target(text)
     begin, _, end = text.partition(SPAN_SIGN)
     from_ns, to_ns = (_instant(part, text, start_ns) for part in (begin, end))
+    for part, instant in ((begin, from_ns), (end, to_ns)):
+        if instant is not None and abs(instant) > LATEST_NS:
+            raise InvalidEventError(f"found {part.strip()!r} in {text!r}, expected an instant between 1897 and 2043")
     if from_ns is not None and to_ns is not None and from_ns >= to_ns:
         raise InvalidEventError(f"found the span {text!r}, expected FROM before TO")
     return Target("", from_ns, to_ns, is_span=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from hrclog.log.files.annotation_files import annotation_files
 from hrclog.log.files.names import BAG_METADATA, is_annotations_name
 from hrclog.log.files.search import Identity, identity_of, search
 from hrclog.log.files.system import exists
@@ -24,12 +26,14 @@ class Discovery:
         named: those of them that an argument names itself, and not through a folder.
         unreadable: folders that cannot be opened, and why.
         unread: what a user may have meant too: (folder, which logs there are not among these).
+        lone_annotations: files of annotations in folders, of which none of these logs is beside.
     """
 
     logs: list[Path]
     named: frozenset[Path] = frozenset()
     unreadable: list[tuple[Path, str]] = field(default_factory=list)
     unread: list[tuple[Path, str]] = field(default_factory=list)
+    lone_annotations: list[Path] = field(default_factory=list)
 
 
 def discover(arguments: Iterable[str | Path]) -> Discovery:
@@ -38,6 +42,7 @@ def discover(arguments: Iterable[str | Path]) -> Discovery:
     named: set[Path] = set()
     unreadable: dict[Path, str] = {}
     results: dict[Path, None] = {}
+    annotations: list[Path] = []
     for path in (match for argument in arguments for match in _expand(argument)):
         if not exists(path) or not path.is_dir():
             named.add(logs.setdefault(identity_of(path), path))
@@ -51,15 +56,26 @@ def discover(arguments: Iterable[str | Path]) -> Discovery:
             logs.setdefault(identity, log)
         unreadable.update(folder.unreadable)
         results.update(dict.fromkeys(folder.results))
+        annotations += folder.annotations
     plain = {identity: path for identity, path in logs.items() if not is_annotations_name(path.name)}
     logs = plain or logs
     unread = [*_journals_beside(logs.values()), *_in_results(results, logs)]
-    return Discovery(list(logs.values()), frozenset(named), list(unreadable.items()), unread)
+    lone = _lone(annotations, logs.values())
+    return Discovery(list(logs.values()), frozenset(named), list(unreadable.items()), unread, lone)
 
 
 def find_logs(arguments: Iterable[str | Path]) -> list[Path]:
     """Return the logs that paths, folders and globs name, as `discover` finds them."""
     return discover(arguments).logs
+
+
+def _lone(annotations: Iterable[Path], logs: Iterable[Path]) -> list[Path]:
+    """Return the files of annotations that are read with no log."""
+    lone = {os.path.realpath(path): path for path in annotations}
+    for log in logs if lone else ():
+        for path in annotation_files(log):
+            lone.pop(os.path.realpath(path), None)
+    return list(lone.values())
 
 
 def _journals_beside(logs: Iterable[Path]) -> list[tuple[Path, str]]:

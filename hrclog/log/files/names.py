@@ -32,4 +32,4 @@ def is_log_name(name: str) -> bool:
     """Return whether a folder's file of that name is taken for a log, or a part of a bag."""
     if name.startswith("._") or is_annotations_name(name):  # the former is what macOS leaves beside copies
         return False
-    return plain_name(name).endswith(_LOG_ENDINGS)
+    return plain_name(name.lower()).endswith(_LOG_ENDINGS)  # RUN.MCAP too, as other systems write names

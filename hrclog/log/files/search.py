@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from hrclog.file_sets import ANALYSIS_SET, marker_name
-from hrclog.log.files.names import BAG_METADATA, is_log_name
+from hrclog.log.files.names import BAG_METADATA, is_annotations_name, is_log_name
 
 RESULTS_FILE: Final = "analysis.json"
 """What `hrclog analyze` writes into every folder of results, and writes last."""
@@ -42,11 +42,13 @@ class Searched:
         logs: files and ROS 2 bag folders by identity, in order of the parts of their paths.
         unreadable: folders that cannot be opened, and why.
         results: folders of results, which were not searched.
+        annotations: files that hold annotations.
     """
 
     logs: dict[Identity, Path]
     unreadable: list[tuple[Path, str]]
     results: list[Path]
+    annotations: list[Path]
 
 
 def search(folder: Path) -> Searched:
@@ -62,6 +64,7 @@ def search(folder: Path) -> Searched:
         dict(sorted(logs.items(), key=lambda item: item[1].parts)),
         sorted(scan.unreadable, key=lambda item: item[0].parts),
         sorted(scan.results, key=lambda path: path.parts),
+        sorted(scan.annotations, key=lambda path: path.parts),
     )
 
 
@@ -79,6 +82,7 @@ class _Search:
         self.parts: set[Identity] = set()  # of bags, which are read as a whole
         self.unreadable: list[tuple[Path, str]] = []
         self.results: list[Path] = []
+        self.annotations: list[Path] = []
         self._root, self._real_root = root, os.path.realpath(root)
         self._folders: set[Identity] = set()
         self._links: list[Path] = []
@@ -132,6 +136,8 @@ class _Search:
         for entry in entries:
             path, is_link = folder / entry.name, entry.is_symlink()
             kind, identity = _kind_of(entry, path)
+            if is_annotations_name(entry.name):
+                self.annotations.append(path)
             if kind == "log":
                 _keep_first(logs, identity, (by_link or is_link, path.parts, path))
             elif kind == "folder" and not is_link:

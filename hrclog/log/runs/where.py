@@ -43,7 +43,9 @@ def conditions(where: Where) -> tuple[Condition, ...]:
         return (_parsed(where),)
     if isinstance(where, Mapping):
         return tuple(
-            Condition(str(key), value_text(key, value)) for key, values in where.items() for value in _listed(values)
+            Condition(str(key), value_text(key, value))
+            for key, values in where.items()
+            for value in _listed(key, values)
         )
     if not isinstance(where, Iterable):
         raise HrclogError(f"where: found {where!r}, expected {_FORM}, several of them, or values by key")
@@ -93,8 +95,12 @@ def _parsed(text: object) -> Condition:
     return Condition(key, value.strip(), is_equal)
 
 
-def _listed(values: object) -> Iterable[object]:
-    return values if isinstance(values, Iterable) and not isinstance(values, str) else [values]
+def _listed(key: object, values: object) -> Iterable[object]:
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        return [values]
+    if isinstance(values, Mapping | bytes) or not (listed := list(values)):
+        raise HrclogError(f"where: found {values!r} for {key!r}, expected a value or a list of values, one at least")
+    return listed
 
 
 def _meets(tags: Mapping[str, str], wanted: Collection[Condition]) -> bool:

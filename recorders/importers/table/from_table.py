@@ -18,11 +18,12 @@ from hrclog.recorders.importers.table.columns import bind
 from hrclog.recorders.importers.table.executions import read_rows
 from hrclog.recorders.importers.table.frames import as_polars
 from hrclog.recorders.importers.table.importer import TableImporter
-from hrclog.recorders.importers.table.mapping import check_mapping, from_options
+from hrclog.recorders.importers.table.mapping import SOURCE_FIELDS, check_mapping, from_options
 from hrclog.recorders.importers.table.reading import events_of, with_proposal
 from hrclog.recorders.importers.table.runs import TableFile
 from hrclog.recorders.importers.table.tables import table_of_frame
 from hrclog.recorders.importers.writing import write_packed_logs
+from hrclog.tags import checked_tags
 
 _NAME: Final = "table"
 _FILES: Final = {"preset", "map", "save_map", "tag", "no_header", "delimiter", "encoding", "sheet"}
@@ -60,10 +61,14 @@ def from_table(
     Raises:
         HrclogError: `frame` is no table, an option is not known, or what the columns mean is not plain.
     """
-    given = {"agent": agent, "task": task, "start": start, "end": end, "run": run, "tags": tags} | options
+    given = {"agent": agent, "task": task, "start": start, "end": end, "run": run} | options
+    given["tags"] = checked_tags(tags)
     unknown = [name for name in options if name not in _OPTIONS]
     if unknown:
         raise HrclogError(f"from_table: found the option {unknown[0]!r}, expected one of {', '.join(sorted(_OPTIONS))}")
+    for name in SOURCE_FIELDS:
+        if given.get(name) is not None and not isinstance(given[name], str):
+            raise HrclogError(f"from_table: {name} is {given[name]!r}, expected the name of a column")
     listed = {name: [value] if isinstance(value, str) else value for name, value in given.items() if name in _WORDS}
     mapping = from_options(given | listed)
     check_mapping(mapping)

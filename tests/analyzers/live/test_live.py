@@ -19,6 +19,7 @@ from event_frames import frame as frame_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import hrclog
 from hrclog.analyzers.analysis import analyze, analyze_logs
 from hrclog.analyzers.figures import CampaignFigures, RunFigures, run_figures
 from hrclog.analyzers.figures.events import event_lines, pauses
@@ -37,7 +38,7 @@ from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
 from hrclog.log.messages.message import EVENTS
 from hrclog.log.messages.signals import SIGNAL_COLUMNS
-from hrclog.log.reader import read_log
+from hrclog.log.reader import read_annotated, read_log
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder
@@ -343,17 +344,38 @@ def test_earlier_runs_count_and_the_latest_three_are_drawn(viewer: Viewer, tmp_p
     assert [figures.name for figures in viewer.campaigns] == ["campaign of 5 runs"]
 
 
-def test_the_statistics_are_those_of_the_whole_folder(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_annotated", [False, True])
+def test_the_statistics_are_those_of_the_whole_folder(is_annotated: bool, tmp_path: Path) -> None:
     ended = EndedRuns()
     write_cell_log(tmp_path / "cell.mcap")
     shutil.copy(SAMPLES / "failures.mcap", tmp_path)
-    samples(tmp_path, 6)
+    paths = samples(tmp_path, 6)
+    if is_annotated:
+        hrclog.annotate(paths[:2], exclude=["run"], reason="rehearsals")
+        hrclog.annotate(paths[2], exclude=["0..20"], not_learnt=["40.."], reason="a visitor")
     for path in sorted(tmp_path.iterdir()):
-        ended.put(path, read_log(path, signals=True))
+        if not path.name.endswith(".annotations.mcap"):
+            ended.put(path, read_annotated(path, signals=True))
     found, expected = analyze_logs(ended.logs()), analyze(tmp_path)
     for name in ("intervals", "overlaps", "pair_overlaps", "durations", "synergies", "runs", "metrics"):
         assert getattr(found, name).equals(getattr(expected, name)), name
     assert found.diagnostics == expected.diagnostics
+
+
+def test_what_annotations_exclude_is_neither_drawn_nor_counted(viewer: Viewer, tmp_path: Path) -> None:
+    paths = samples(tmp_path, 3)
+    hrclog.annotate(paths[2], exclude=["run"], reason="a rehearsal")
+    hrclog.annotate(
+        paths[1],
+        exclude=[
+            "..",
+        ],
+        reason="a visitor",
+    )
+    watch(tmp_path, viewer)
+    assert [run.figures.name for run in viewer.runs] == [path.stem for path in paths[:2]]
+    assert [figures.name for figures in viewer.campaigns] == ["campaign of 2 runs"]
+    assert not [bar for lane in viewer.runs[1].figures.gantt.lanes if lane.kind == "done" for bar in lane.bars]
 
 
 def test_a_run_is_drawn_while_it_is_recorded_and_counts_when_it_has_ended(viewer: Viewer, tmp_path: Path) -> None:

@@ -172,17 +172,43 @@ BAD = [
     ({"exclude": ["run"], "include": ["run"]}, InvalidEventError, "twice"),
     ({"include": ["run"]}, HrclogError, "nothing is excluded"),
     ({"exclude": [""]}, InvalidEventError, "expected run"),
+    ({"exclude": ["90000..90001"]}, HrclogError, "no execution that has a part in this span"),
+    ({"not_learnt": ["..0"]}, HrclogError, "no execution that has a part in this span"),
+    ({"exclude": ["0001-01-01T00:00:00Z.."]}, InvalidEventError, "between 1897 and 2043"),
+    ({"exclude": ["0..1000000000"]}, InvalidEventError, "between 1897 and 2043"),
+    ({"exclude": [5]}, InvalidEventError, "exclude is 5, expected a text"),
+    ({"exclude": 5}, InvalidEventError, "exclude is 5, expected a text"),
+    ({"author": 5, "exclude": ["run"]}, InvalidEventError, "author is 5, expected a text"),
+    ({"tags": ["a=1"]}, InvalidEventError, "expected values by key"),
 ]
 
 
 @pytest.mark.parametrize(("words", "kind", "text"), BAD)
 def test_what_cannot_be_said_is_a_clear_error(
-    words: dict[str, list[str]], kind: type[HrclogError], text: str, tmp_path: Path
+    words: dict[str, object], kind: type[HrclogError], text: str, tmp_path: Path
 ) -> None:
     logs = written(tmp_path / "logs", RUNS[:1])
     with pytest.raises(kind, match=text):
         hrclog.annotate(logs, **words, reason="because")  # type: ignore[arg-type]  # by name
     assert not list(logs.glob("*.annotations.mcap"))
+
+
+def test_one_text_is_one_target(tmp_path: Path) -> None:
+    events = [
+        replace(event, execution_id=f"{IDS[0].index(event.execution_id)}") if isinstance(event, TaskFact) else event
+        for event in RUNS[0]
+    ]
+    logs = written(tmp_path / "logs", [events])
+    said = hrclog.annotate(logs, exclude="12", reason="a mistake", runs=next(iter(hrclog.analyze(logs).runs["name"])))
+    assert [list(meant) for meant in said.executions.values()] == [["12"]]
+
+
+def test_an_exclusion_is_taken_back_by_the_name_that_is_told_of_it(tmp_path: Path) -> None:
+    logs = written(tmp_path / "logs", RUNS[:1])
+    hrclog.annotate(logs, exclude=["0.000123456..50"], reason="noise")
+    (told,) = (str(entry.target) for entry in hrclog.analyze(logs).exclusions)
+    hrclog.annotate(logs, include=told)
+    assert not hrclog.analyze(logs).exclusions
 
 
 def test_a_reason_is_asked_for(tmp_path: Path) -> None:

@@ -15,7 +15,19 @@ from hrclog.log.files.discover import find_logs
 
 FOLDERS = ("a", "B", "b c", ".hidden", "__MACOSX", "node_modules", "line\nbreak", "-o", "x.mcap")
 PASSED_OVER = {".hidden", "__MACOSX", "node_modules"}
-FILES = ("r.mcap", "r.mcap.partial", "s.db3", "t.bag", "u.mcap.zst", "._r.mcap", "notes.txt", "truth.json", "q\n.mcap")
+FILES = (
+    "r.mcap",
+    "r.mcap.partial",
+    "s.db3",
+    "t.bag",
+    "u.mcap.zst",
+    "V.MCAP",
+    "w.Bag.GZ",
+    "._r.mcap",
+    "notes.txt",
+    "truth.json",
+    "q\n.mcap",
+)
 NO_LOGS = {"._r.mcap", "notes.txt", "truth.json"}
 
 paths = st.tuples(st.lists(st.sampled_from(FOLDERS), max_size=4), st.sampled_from(FILES))

@@ -65,7 +65,9 @@ def test_conditions_are_texts_or_values_by_key() -> None:
     assert conditions("a=x=y")[0].value == "x=y"
 
 
-@pytest.mark.parametrize("where", ["a", "=x", "!=x", ["a=x", "b"], [5], 5, {"a": None}])
+@pytest.mark.parametrize(
+    "where", ["a", "=x", "!=x", ["a=x", "b"], [5], 5, {"a": None}, {"a": []}, {"a": b"x"}, {"a": {"x": 1}}]
+)
 def test_what_is_no_condition_is_refused(where: object) -> None:
     with pytest.raises(HrclogError, match=r"expected|tag"):
         conditions(where)  # type: ignore[arg-type]  # a user may give anything

@@ -55,7 +55,7 @@ def test_a_frame_is_analysed_without_a_file() -> None:
 @pytest.mark.parametrize(
     ("frame", "options", "told"),
     [(7, {}, "no table"), (FACTS, {"agnt": "who"}, "agent"), (FACTS, {"agent": "whom"}, "did you mean 'who'"),
-     (FACTS, {"unit": "h"}, "days")],
+     (FACTS, {"unit": "h"}, "days"), (FACTS, {"agent": 5}, "agent is 5"), (FACTS, {"tags": ["a=1"]}, "tags are")],
 )  # fmt: skip
 def test_what_is_no_table_is_one_error(frame: Any, options: dict[str, Any], told: str) -> None:  # noqa: ANN401 - anything
     with pytest.raises(HrclogError, match=told):
