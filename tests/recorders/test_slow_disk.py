@@ -5,7 +5,6 @@ from __future__ import annotations
 import statistics
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,7 +20,7 @@ PATIENCE_S = 10.0
 
 
 def slow_down(monkeypatch: pytest.MonkeyPatch) -> None:
-    write = Journal._write_all  # noqa: SLF001 - the disk
+    write = Journal._write_all
 
     def write_slowly(journal: Journal, data: bytes) -> None:
         time.sleep(WRITE_S)
@@ -58,7 +57,7 @@ def test_events_wait_for_one_write_on_a_slow_disk_however_many_threads_sample(
     assert statistics.median(took_s) < 2.5 * WRITE_S
     assert max(waiting) >= N_SAMPLERS - 1
     assert recorder.pressure().longest_write_s >= WRITE_S
-    logs = read_logs(tmp_path / "run.mcap", signals=True)
+    logs = read_logs([tmp_path / "run.mcap"], signals=True)
     assert not [finding for finding in logs.diagnostics if finding.severity == "error"]
     assert logs.events.height == 2 + 2 * 6
     assert logs.signals.height >= 6
@@ -81,7 +80,7 @@ def in_turn(turns: Turns, kinds: str) -> str:
     threads = [threading.Thread(target=ask, args=pair) for pair in enumerate(kinds)]
     for number, thread in enumerate(threads):
         thread.start()
-        until(lambda n=number: turns.waiting == n and (order or n))  # type: ignore[misc] - bound at once
+        until(turns, number, order)
     held.set()
     for thread in threads:
         thread.join()
@@ -89,9 +88,10 @@ def in_turn(turns: Turns, kinds: str) -> str:
     return " ".join(order)
 
 
-def until(holds: Callable[[], object]) -> None:
+def until(turns: Turns, n_waiting: int, order: list[str]) -> None:
+    """Wait until so many threads wait behind the first, which has its turn."""
     deadline = time.monotonic() + PATIENCE_S
-    while not holds() and time.monotonic() < deadline:
+    while (turns.waiting != n_waiting or not order) and time.monotonic() < deadline:
         time.sleep(0.001)
 
 
@@ -123,7 +123,7 @@ def test_an_interrupt_while_waiting_gives_the_place_back(monkeypatch: pytest.Mon
     holder = threading.Thread(target=hold)
     holder.start()
     entered.wait(PATIENCE_S)
-    other = threading.Thread(target=lambda: turns.samples.__enter__())  # never leaves
+    other = threading.Thread(target=turns.samples.__enter__)  # never leaves
     monkeypatch.setattr("hrclog.recorders.turns.Turn._is_next", interrupted)
     with pytest.raises(KeyboardInterrupt), turns.samples:
         pass
