@@ -46,7 +46,7 @@ class _Ticket:
 class Turns:
     """Gives turns: `with turns.events:` around the writing of an event, `with turns.samples:` around that of samples.
 
-    It does not exclude, a lock within does. Within a turn, also in a signal handler, the same thread has its turn at once.
+    It does not exclude, a lock within does. Within a turn, also in a signal handler, a thread has its turn at once.
     """
 
     def __init__(self) -> None:
