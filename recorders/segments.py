@@ -83,7 +83,8 @@ def next_segment(path: Path) -> Segment:
     segments = [number for number in numbers if exists(segment_path(path, number))]
     if not segments:
         return replace(first_segment(path), losses=losses, told=told)
-    events = read_logs([segment_path(path, number) for number in segments]).events
+    logs = [segment_path(path, number) for number in segments]
+    events = read_logs(logs, with_excluded=True).events  # what is excluded was recorded all the same
     n_runs = events["run_id"].n_unique()
     if n_runs != 1:
         raise LogReadError(path, f"{n_runs} runs", "one run to continue", "record under another name")
