@@ -1,37 +1,38 @@
 """Look for failures by chance, as long as one likes: damaged files, random bytes, and the life of a run.
 
-`python benchmarks/fuzz.py --minutes 60 --seed 7` tries in turn: mutants of whole files (`mutants.py`), files changed at many
-places at once (from `tests/corpus` and those whole files), and runs that are recorded, killed, recovered and annotated in any
-order. A finding goes to a folder, as a file to be read and a text with the command that repeats it. `--file PATH` reads one
-file as the fuzzer does; `--atheris` lets atheris, where it is installed, guide the bytes by what the reader executes.
+`python benchmarks/fuzz.py --minutes 60 --seed 7` tries in turn: mutants of whole files (`mutants.py`), files changed at
+many places at once (from `tests/corpus` and those whole files), and runs that are recorded, killed, recovered and
+annotated in any order. A finding goes to a folder, as a file to be read and a text with the command that repeats it.
+`--file PATH` reads one file as the fuzzer does; `--atheris` lets atheris, where it is installed, guide the bytes by
+what the reader executes.
 """
 
+# ruff: noqa: E402 - what tests share is on the path first
 from __future__ import annotations
 
 import argparse
 import contextlib
 import io
-import os
 import sys
 import tempfile
 import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
 from random import Random
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
-
+from damaged_corpus import damaged_files
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis.stateful import run_state_machine_as_test
 from mutant_readers import read_our_events, read_ours, recover_ours
 from recording_machine import RecordingMachine
 from reliability import LARGEST_MB, LONGEST_S, cases, mutant_of, try_shard
 
-CORPUS: Final = ROOT / "tests" / "corpus"
 N_MUTANTS: Final = 15
 N_BYTES: Final = 25
 N_LIVES: Final = 2
@@ -58,10 +59,10 @@ def mutants(number: int, chance_seed: int) -> Iterator[Finding]:
 
 def changed_bytes(number: int, chance_seed: int) -> Iterator[Finding]:
     """Change files at many places at once: whatever is read, errors are typed and cost is bounded."""
-    seeds = _seeds()
+    files = _files()
     for index in range(N_BYTES):
         chance = Random(f"{chance_seed}:{number}:{index}")  # noqa: S311 - no secret
-        data = _changed(chance.choice(seeds), chance.choice(seeds), chance)
+        data = _changed(chance.choice(files), chance.choice(files), chance)
         wrong = judged(data, chance.choice((".mcap", ".mcap.partial")))
         if wrong:
             yield f"bytes-{number}-{index}", wrong, data
@@ -113,9 +114,9 @@ def judged(data: bytes, suffix: str) -> str:
     return "; ".join(wrong)
 
 
-def _seeds() -> list[bytes]:
-    files = [path.read_bytes() for path in sorted(CORPUS.glob("*.mcap*"))]
-    return files + [case.base.data for case in cases()]
+@lru_cache
+def _files() -> list[bytes]:
+    return [*damaged_files().values(), *(case.base.data for case in cases())]
 
 
 def _changed(data: bytes, other: bytes, chance: Random) -> bytes:
@@ -178,7 +179,7 @@ def guided(options: argparse.Namespace) -> None:
 
     options.output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as corpus:
-        for index, data in enumerate(_seeds()):
+        for index, data in enumerate(_files()):
             Path(corpus, str(index)).write_bytes(data)
 
         def try_bytes(data: bytes) -> None:
@@ -187,7 +188,7 @@ def guided(options: argparse.Namespace) -> None:
                 raise RuntimeError(wrong)
 
         arguments = [f"-max_total_time={round(options.minutes * 60)}", f"-seed={options.seed}", "-max_len=65536"]
-        atheris.instrument_all() if os.environ.get("HRCLOG_INSTRUMENT_ALL") else _instrument(atheris)
+        _instrument(atheris)
         atheris.Setup([sys.argv[0], *arguments, f"-artifact_prefix={options.output}/atheris-", corpus], try_bytes)
         atheris.Fuzz()
 

@@ -1,7 +1,8 @@
 """A recorder that runs for days: is memory flat, and how long does a sample take?
 
-`python benchmarks/soak.py --hours 24` records two agents at 50 Hz through a `Recorder` with a simulated clock, as fast as the disk
-takes it, in a folder that is removed afterwards, and prints a row per tenth of the time. It exits with 1 if memory grew.
+`python benchmarks/soak.py --hours 24` records two agents at 50 Hz through a `Recorder` with a simulated clock, as fast
+as the disk takes it, in a folder that is removed afterwards, and prints a row per tenth of the time. It exits with 1 if
+memory grew.
 """
 
 from __future__ import annotations
@@ -84,7 +85,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         for mark in soak(Path(folder, "soak.mcap"), options.hours, options.rate):
             marks.append(mark)
-            print(f"| {mark.hours:.1f} | {mark.n_samples:,} | {mark.memory_mb:.1f} | {mark.sample_us:.1f} |", flush=True)
+            print(
+                f"| {mark.hours:.1f} | {mark.n_samples:,} | {mark.memory_mb:.1f} | {mark.sample_us:.1f} |", flush=True
+            )
     grown = growth_mb(marks)
     print(f"memory grew by {grown:.1f} MB")
     return grown > MOST_GROWTH_MB

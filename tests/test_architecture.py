@@ -253,7 +253,7 @@ def test_few_modules_lie_loose_in_analyzers() -> None:
 def test_tests_mirror_the_rooms() -> None:
     rooms = {path.parent.relative_to(ROOT) for path in MODULES.values()}
     mirrored = {Path(*room.parts[room.parts[0] == "hrclog" :]) for room in rooms}
-    beside = {Path(name) for name in ("browser", "docs", "helpers", "viewer")}
+    beside = {Path(name) for name in ("browser", "compat", "corpus", "docs", "helpers", "viewer")}
     folders = {path.parent.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("*.py")}
     assert sorted(map(str, folders - mirrored - beside)) == []
 

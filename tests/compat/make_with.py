@@ -3,7 +3,7 @@
 `PYTHONPATH=CHECKOUT python tests/compat/make_with.py FOLDER`, with the checkout of a commit; see README.md.
 """
 
-# ruff: noqa: BLE001 - an old hrclog lacks what came later, and says so in its own way
+# ruff: noqa: T201 - a script
 from __future__ import annotations
 
 import gzip
@@ -82,7 +82,10 @@ def make(folder: Path) -> None:
         frame.select(names).write_json(folder / f"{log}.events.json")
     hrclog = [sys.executable, "-m", "hrclog"]
     log = str(folder / "run.mcap")
-    for command in (["analyze", log, "-o", str(folder / "results")], ["kb", "ingest", "--kb", str(folder / "kb.sqlite"), log]):
+    for command in (
+        ["analyze", log, "-o", str(folder / "results")],
+        ["kb", "ingest", "--kb", str(folder / "kb.sqlite"), log],
+    ):
         done = subprocess.run([*hrclog, *command], cwd=folder, capture_output=True, text=True, check=False)
         print(command[0], done.returncode, done.stderr.strip().splitlines()[-1:])
     for path in [*folder.glob("results/**/*.rrd"), *folder.glob("results/**/*.html"), *folder.glob("**/*.svg")]:

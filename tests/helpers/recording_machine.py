@@ -1,10 +1,10 @@
-"""A run that is recorded, killed, torn, recovered, resumed and annotated in any order, beside a model in plain Python."""
+"""A run that is recorded, killed, torn, recovered, resumed and annotated in any order, beside a plain model of it."""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -155,7 +155,12 @@ class RecordingMachine(RuleBasedStateMachine):
             "task_resumed": ("task_ended", "task_paused"),
             "task_paused": ("task_ended", "task_resumed"),
         }.get(self.model.phases()[execution], ())
-        act = {"task_ended": handle.end, "task_paused": handle.pause, "task_resumed": handle.resume}[step]
+        acts: dict[str, Callable[[], None]] = {
+            "task_ended": handle.end,
+            "task_paused": handle.pause,
+            "task_resumed": handle.resume,
+        }
+        act = acts[step]
         try:
             act()
         except IllegalEventError:
@@ -187,8 +192,8 @@ class RecordingMachine(RuleBasedStateMachine):
         recorder, self.recorder = self._live(), None
         data = journal.read_bytes()
         end = max(len(data) - torn, self.model.sizes[0])
-        recorder._journal.close()  # type: ignore[union-attr]  # noqa: SLF001 - as the kernel does
-        recorder._journal = None  # noqa: SLF001
+        recorder._journal.close()  # type: ignore[union-attr]
+        recorder._journal = None
         copy = journal.with_name("copy")
         copy.write_bytes(data[:end])
         copy.replace(journal)
@@ -250,7 +255,8 @@ class RecordingMachine(RuleBasedStateMachine):
     @rule()
     def refuse(self) -> None:
         """Say something of what is not there: nothing changes."""
-        for wrong in ({"exclude": ["no such execution"]}, {"include": ["7..3"]}, {}):
+        wrongs: list[dict[str, Any]] = [{"exclude": ["no such execution"]}, {"include": ["7..3"]}, {}]
+        for wrong in wrongs:
             try:
                 annotate(self.folder, reason="because" if wrong else "", **wrong)
             except HrclogError:
@@ -285,7 +291,7 @@ class RecordingMachine(RuleBasedStateMachine):
     def teardown(self) -> None:
         """Let go of the journal and remove the folder."""
         if self.recorder is not None:
-            self.recorder._journal.close()  # type: ignore[union-attr]  # noqa: SLF001
+            self.recorder._journal.close()  # type: ignore[union-attr]
         shutil.rmtree(self.folder)
 
 

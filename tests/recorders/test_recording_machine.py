@@ -7,4 +7,4 @@ from recording_machine import RecordingMachine
 from sizes import many
 
 TestRecording = RecordingMachine.TestCase
-TestRecording.settings = settings(max_examples=many(8, fuzz=300), stateful_step_count=many(16, fuzz=40), deadline=None)
+TestRecording.settings = settings(max_examples=many(4, fuzz=300), stateful_step_count=many(12, fuzz=40), deadline=None)

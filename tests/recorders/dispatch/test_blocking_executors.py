@@ -57,6 +57,10 @@ class Held:
         self._cancel()
 
 
+def held(free: threading.Event) -> None:
+    free.wait(HELD_S)
+
+
 @pytest.fixture
 def free() -> Iterator[threading.Event]:
     """Yield what an executor waits for until the test is over."""
@@ -92,7 +96,7 @@ def test_a_start_that_blocks_stops_nobody_else_and_is_named(free: threading.Even
     quick = ScriptStep(agent="", task="", duration_s=0.01)
     b = ScriptedExecutor(steps_of(plan, {item.item_id: quick for item in plan.items}), loop)
     setup = RunSetup(plan=plan, problem=problem_of(plan), policy=SHORT)
-    executor = Held(lambda *_: free.wait(HELD_S) and None)
+    executor = Held(lambda *_: held(free))
     began = time.monotonic()
     verdict = run_live(tmp_path / "run.mcap", setup, {"a": executor, "b": b}, loop)
     assert time.monotonic() - began < HELD_S / 3
@@ -114,7 +118,7 @@ def test_a_start_that_blocks_stops_nobody_else_and_is_named(free: threading.Even
 
 def test_a_start_that_hangs_without_a_word_is_given_up_without_any_limit_of_its_own(free: threading.Event) -> None:
     policy = DispatchPolicy(call_timeout_s=0.05, grace_s=0.05)
-    dispatcher, events = carried_out(line("a-1"), Held(lambda *_: free.wait(HELD_S) and None), policy, RealTimeLoop())
+    dispatcher, events = carried_out(line("a-1"), Held(lambda *_: held(free)), policy, RealTimeLoop())
     assert dispatcher.outcomes == {"a-1": Outcome.TIMED_OUT}
     assert ends(events)["a-1"].reason.startswith("did not start within 0.05 s; ")
 
@@ -144,7 +148,7 @@ def test_a_cancel_that_blocks_stops_nobody_else_and_is_named(free: threading.Eve
     def begin(command: Command, emit: Emit) -> None:
         emit(on(TaskStarted, command, time_ns=time.time_ns()))
 
-    executor = Held(begin, lambda: free.wait(HELD_S) and None)
+    executor = Held(begin, lambda: held(free))
     began = time.monotonic()
     dispatcher, events = carried_out(line("a-1", "b-1", "b-2"), executor, SHORT, RealTimeLoop())
     assert time.monotonic() - began < HELD_S / 3
