@@ -8,6 +8,7 @@ memory grew.
 from __future__ import annotations
 
 import argparse
+import resource
 import sys
 import tempfile
 import time
@@ -33,16 +34,18 @@ class Mark:
     n_samples: int
     memory_mb: float
     sample_us: float
+    cpu_s: float
 
 
-def soak(path: Path, hours: float, rate_hz: float = 50.0, n_marks: int = 10) -> Iterator[Mark]:
+def soak(path: Path, hours: float, rate_hz: float = 50.0, n_marks: int = 10, *, close: bool = False) -> Iterator[Mark]:
     """Record two agents that work and are sampled, with a simulated clock; yield marks on the way.
 
     Args:
-        path: of the log; its journal stays, as closing it is another matter.
+        path: of the log.
         hours: to be simulated.
         rate_hz: of the samples of either agent.
         n_marks: how many marks.
+        close: whether to close the run at the end; its journal is rewritten as a whole then.
     """
     now_ns = [BEGAN_NS]
     recorder = Recorder(path, agents=("robot", "human"), clock_ns=lambda: now_ns[0])
@@ -60,8 +63,16 @@ def soak(path: Path, hours: float, rate_hz: float = 50.0, n_marks: int = 10) -> 
             handles = [recorder.start(agent, f"task {tick // per_task % 12}") for agent in ("robot", "human")]
         if tick * n_marks // n_ticks > (tick - 1) * n_marks // n_ticks:
             took_s = time.process_time() - began
-            yield Mark(tick / rate_hz / 3600, 2 * tick, memory_mb(), took_s / (2 * (tick - n_before)) * 1e6)
+            yield Mark(
+                tick / rate_hz / 3600,
+                2 * tick,
+                memory_mb(),
+                took_s / (2 * (tick - n_before)) * 1e6,
+                time.process_time(),
+            )
             began, n_before = time.process_time(), tick
+    if close:
+        recorder.close()
 
 
 def memory_mb() -> float:
@@ -79,15 +90,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0)
     parser.add_argument("--rate", type=float, default=50.0, help="samples per second of either agent")
+    parser.add_argument("--close", action="store_true", help="also close the run, and tell what that takes")
     options = parser.parse_args()
     print("| hours | samples | memory MB | CPU us per sample |\n| --- | --- | --- | --- |")
     marks = []
     with tempfile.TemporaryDirectory() as folder:
-        for mark in soak(Path(folder, "soak.mcap"), options.hours, options.rate):
+        for mark in soak(Path(folder, "soak.mcap"), options.hours, options.rate, close=options.close):
             marks.append(mark)
             print(
                 f"| {mark.hours:.1f} | {mark.n_samples:,} | {mark.memory_mb:.1f} | {mark.sample_us:.1f} |", flush=True
             )
+    if options.close:
+        peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
+        print(f"closing took {time.process_time() - marks[-1].cpu_s:.1f} s of CPU, memory {peak_mb:.0f} MB at its peak")
     grown = growth_mb(marks)
     print(f"memory grew by {grown:.1f} MB")
     return grown > MOST_GROWTH_MB
