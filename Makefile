@@ -1,5 +1,5 @@
 # Shortcuts, see docs/development.md.
-.PHONY: setup quick test fuzz coverage lint format types ci samples
+.PHONY: setup quick test fuzz fuzz-hours soak coverage lint format types ci samples
 
 setup:
 	python3 -m venv .venv && .venv/bin/pip install -e '.[all,test]'
@@ -12,6 +12,15 @@ test:
 
 fuzz:
 	HRCLOG_FUZZ=1 .venv/bin/pytest -n 2
+
+HOURS ?= 1
+SEED ?= 0
+
+fuzz-hours:
+	.venv/bin/python benchmarks/fuzz.py --minutes $$(( $(HOURS) * 60 )) --seed $(SEED)
+
+soak:
+	.venv/bin/python benchmarks/soak.py
 
 coverage:
 	.venv/bin/pytest -n 2 --dist worksteal --cov --cov-report=term

@@ -97,6 +97,11 @@ def _mutant(number: int, seed: int) -> tuple[Case, str, str, bytes]:
             return case, family, kind, data
 
 
+def mutant_of(number: int, seed: int) -> bytes:
+    """Return a mutant of a seed."""
+    return _mutant(number, seed)[3]
+
+
 def _judged(case: Case, data: bytes, number: int, folder: Path) -> dict[str, str]:
     """Return what is to be counted of a mutant, each with a remark."""
     path = folder / f"mutant{case.base.suffix}"

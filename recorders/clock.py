@@ -19,6 +19,11 @@ class Clock(Protocol):
         """The instant, ns since the epoch."""
         ...
 
+    @property
+    def real_time(self) -> bool:
+        """Whether time goes on by itself, also while somebody blocks."""
+        ...
+
     def schedule(self, time_ns: int, action: Action, priority: int = 0) -> None:
         """Run an action at an instant. At the same instant the smaller priority goes first."""
         ...

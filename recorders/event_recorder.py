@@ -16,13 +16,14 @@ from hrclog.events import CLOCK_SHIFT, AnnotationAdded, Event, Outcome, RunEnded
 from hrclog.forks import renew_after_fork
 from hrclog.log.files.system import exists
 from hrclog.log.losses import Loss, remark
-from hrclog.log.messages.encode import Signal, event_message, run_metadata, signal_message
+from hrclog.log.messages.encode import Message, Signal, event_message, run_metadata, signal_message
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import Journal, journal_path
 from hrclog.log.writing.lanes import Lanes
 from hrclog.log.writing.writer import RUN_METADATA
 from hrclog.recorders.segments import Segment
 from hrclog.recorders.task_handle import NOW, TaskHandle, instant
+from hrclog.recorders.turns import Pressure, Turns
 from hrclog.state import PLANNED, ExecutionState, Phase, apply
 from hrclog.units import NS_PER_S
 
@@ -76,6 +77,8 @@ class EventRecorder:
         self._clock_ns = clock_ns
         self._journal: Journal | None = None
         self._lock = threading.RLock()
+        self._turns = Turns()
+        self._last_write_s = self._longest_write_s = 0.0
         renew_after_fork(self)
         self._seq = segment.next_seq
         self._states: dict[str, ExecutionState] = dict(segment.states)
@@ -102,7 +105,7 @@ class EventRecorder:
             IllegalEventError: the state machine does not allow it, or the recorder is closed; nothing was written.
             LogWriteError: the disk did not take it.
         """
-        with self._lock:
+        with self._turns.events, self._lock:
             journal = self._open_journal()
             if self._ended:
                 raise IllegalEventError(f"{self.path}: found {event.kind} after run_ended, expected nothing more")
@@ -115,11 +118,15 @@ class EventRecorder:
             message = event_message(numbered, now)
             size = journal.size
             try:
-                journal.append(message, *self._lanes.after(numbered, now))
+                self._append(journal, message, *self._lanes.after(numbered, now))
             finally:
                 if journal.size > size:  # true also where an interrupt strikes just after the write
                     self._remember(numbered, state)
             return numbered
+
+    def pressure(self) -> Pressure:
+        """Return how far the disk is behind; it waits for nothing. A busy caller may drop samples by it."""
+        return Pressure(self._turns.waiting, self._last_write_s, self._longest_write_s)
 
     def handle(self, execution: TaskHandle | str) -> TaskHandle:
         """Return the handle of an execution by its id.
@@ -129,7 +136,7 @@ class EventRecorder:
         """
         if isinstance(execution, TaskHandle):
             return execution
-        with self._lock:
+        with self._turns.events, self._lock:
             if execution not in self._facts:
                 problem = f"{self.path}: found execution {execution!r}"
                 raise IllegalEventError(f"{problem}, expected one that was started here")
@@ -137,17 +144,17 @@ class EventRecorder:
 
     def now_ns(self) -> int:
         """Return the recorder's clock."""
-        with self._lock:
+        with self._turns.events, self._lock:
             return self._now()
 
     def state(self, execution_id: str) -> ExecutionState:
         """Return the state of an execution; planned if it is not known."""
-        with self._lock:
+        with self._turns.events, self._lock:
             return self._states.get(execution_id, PLANNED)
 
     def open_executions(self) -> list[TaskHandle]:
         """Return the executions that have begun and not ended, in order of their start."""
-        with self._lock:
+        with self._turns.events, self._lock:
             return [TaskHandle(self, self._facts[execution_id]) for execution_id in self._open_ids]
 
     def close(self, outcome: str = Outcome.SUCCEEDED, reason: str = "", *, time_ns: int | None = None) -> None:
@@ -163,7 +170,7 @@ class EventRecorder:
         Raises:
             LogWriteError: the finished log could not be written; the journal holds everything, see `hrclog recover`.
         """
-        with self._lock:
+        with self._turns.events, self._lock:
             if self._journal is None or os.getpid() != self._pid:
                 return
             if not self._ended:
@@ -175,6 +182,7 @@ class EventRecorder:
     def renew_after_fork(self) -> None:
         """Let go of the journal, and wait for no thread left behind, in a process forked from the recorder's."""
         self._lock = threading.RLock()
+        self._turns = Turns()
         if self._journal is not None:
             self._journal.close()  # else its lock would outlive the process that records
 
@@ -194,14 +202,20 @@ class EventRecorder:
 
     def _sample(self, *signals: Signal) -> None:
         """Write samples of signals: all of them, or none."""
-        with self._lock:
+        with self._turns.samples, self._lock:
             now = self._now()
-            self._open_journal().append(
-                *[
-                    signal_message(replace(signal, time_ns=now) if signal.time_ns == NOW else signal, now)
-                    for signal in signals
-                ]
-            )
+            messages = [
+                signal_message(replace(signal, time_ns=now) if signal.time_ns == NOW else signal, now)
+                for signal in signals
+            ]
+            self._append(self._open_journal(), *messages)
+
+    def _append(self, journal: Journal, *messages: Message) -> None:
+        """Append messages, and note how long the disk took."""
+        began = time.perf_counter()
+        journal.append(*messages)
+        self._last_write_s = time.perf_counter() - began
+        self._longest_write_s = max(self._longest_write_s, self._last_write_s)
 
     def _remember(self, event: Event, state: ExecutionState | None) -> None:
         """Remember what was written."""
@@ -263,6 +277,6 @@ class EventRecorder:
         return self._journal
 
     def _end_if_open(self, handle: TaskHandle, outcome: str, reason: str) -> None:
-        with self._lock:
+        with self._turns.events, self._lock:
             if handle.phase is not Phase.ENDED:
                 handle.end(outcome, reason)

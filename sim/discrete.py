@@ -68,6 +68,8 @@ class DiscreteCell:
     pairs: tuple[PairTruth, ...] = ()
     contacts: int | None = None
 
+    prompt: Final = True
+
     def __init__(self, scenario: Scenario, clock: Clock, streams: Mapping[str, Stream]) -> None:
         self.truth: list[ExecutionTruth] = []
         self.signals: list[Signal] = []

@@ -20,6 +20,11 @@ class EventQueue:
         self._heap: list[tuple[int, int, int, Action]] = []
         self._sequence = 0
 
+    @property
+    def real_time(self) -> bool:
+        """It is not: time stands still while something runs."""
+        return False
+
     def schedule(self, time_ns: int, action: Action, priority: int = 0) -> None:
         """Run an action at an instant. The smaller priority goes first, then the action scheduled first."""
         heappush(self._heap, (max(time_ns, self.now_ns), priority, self._sequence, action))

@@ -55,7 +55,8 @@ ARROWS: Mapping[str, str] = {
     "recorders.clock": "",
     "recorders.task_handle": "log",
     "recorders.segments": "log",
-    "recorders.event_recorder": "log recorders.segments recorders.task_handle",
+    "recorders.turns": "",
+    "recorders.event_recorder": "log recorders.segments recorders.task_handle recorders.turns",
     "recorders.recorder": "log recorders.event_recorder recorders.segments recorders.task_handle",
     "recorders.line_fields": "log",
     "recorders.line_times": "log",
@@ -253,7 +254,7 @@ def test_few_modules_lie_loose_in_analyzers() -> None:
 def test_tests_mirror_the_rooms() -> None:
     rooms = {path.parent.relative_to(ROOT) for path in MODULES.values()}
     mirrored = {Path(*room.parts[room.parts[0] == "hrclog" :]) for room in rooms}
-    beside = {Path(name) for name in ("browser", "docs", "helpers", "viewer")}
+    beside = {Path(name) for name in ("browser", "compat", "corpus", "docs", "helpers", "viewer")}
     folders = {path.parent.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("*.py")}
     assert sorted(map(str, folders - mirrored - beside)) == []
 

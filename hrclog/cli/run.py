@@ -59,8 +59,10 @@ if TYPE_CHECKING:
     "timeout_s",
     type=click.FloatRange(min=0.0, min_open=True),
     metavar="S",
-    help="Cancel an attempt that takes longer; an item's own timeout_s wins.  [default: never]",
+    help="Cancel an attempt that takes longer; an item's own timeout_s wins.  "
+    "[default: with --real-time ten times what is expected]",
 )
+@click.option("--no-timeout", is_flag=True, help="No limit but those of the plan's items and of --timeout.")
 @click.option(
     "--max-attempts",
     type=click.IntRange(min=1),

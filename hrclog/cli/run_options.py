@@ -18,6 +18,7 @@ class RunOptions:
     mode: str | None
     seed: int
     timeout_s: float | None
+    no_timeout: bool
     max_attempts: int | None
     on_failure: str | None
     kb: str | None

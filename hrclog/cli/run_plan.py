@@ -97,6 +97,8 @@ def prepare(plan_path: Path, options: RunOptions) -> Prepared:
         max_attempts=options.max_attempts or default.max_attempts,
         on_failure=options.on_failure or default.on_failure,
         timeout_s=options.timeout_s,
+        timeout_factor=None if options.no_timeout else default.timeout_factor,
+        call_timeout_s=None if options.no_timeout else default.call_timeout_s,
         replan_on=options.replan_on,
         delay_s=options.delay_s or default.delay_s,
     )

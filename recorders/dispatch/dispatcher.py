@@ -90,10 +90,13 @@ class Dispatcher:
         for arrival in self._plan.arrivals:
             self._schedule_step(self._instant_ns(arrival.at_s), partial(self._handle_fact, arrival.fact))
         self._clock.submit(partial(self._do_step, self._dispatch_all))  # after what executors have said so far
-        while not self.done:
-            self._clock.run(lambda: self.done)
-            if not self.done:
-                self._do_step(self._handle_standstill)
+        try:
+            while not self.done:
+                self._clock.run(lambda: self.done)
+                if not self.done:
+                    self._do_step(self._handle_standstill)
+        finally:
+            self._manager.close()
 
     def arrive(self, fact: str) -> None:
         """Note that a fact holds from now on, for items that need it."""
@@ -104,7 +107,12 @@ class Dispatcher:
         self._clock.submit(partial(self._do_step, partial(self._abort, reason, outcome)))
 
     def verdict(self) -> tuple[str, str]:
-        """Return the outcome of the run and why."""
+        """Return the outcome of the run and why; a failure names executors that do not answer."""
+        outcome, reason = self._outcome()
+        hung = () if outcome == Outcome.CANCELED else self._manager.lost.values()
+        return outcome, "; ".join(filter(None, (reason, *hung)))
+
+    def _outcome(self) -> tuple[str, str]:
         if self._abort_verdict is not None:
             return self._abort_verdict
         final_outcomes = [self.outcomes[item_id] for item_id in self._items if item_id in self.outcomes]

@@ -30,6 +30,7 @@ class ReplanOn(StrEnum):
     DELAY = "delay"
 
 
+_REAL_TIME = ("timeout_factor", "call_timeout_s")
 _REPLANNING = ("replan_on", "delay_s", "max_replans")
 
 
@@ -41,8 +42,11 @@ class DispatchPolicy:
         mode: how items are handed out.
         max_attempts: how often an item is tried; failed and timed out attempts are tried again, rejected ones are not.
         on_failure: what follows when no attempt is left.
-        timeout_s: how long an attempt may take from its start, pauses included; a `timeout_s` of its item wins. None
-            for no limit.
+        timeout_s: how long an attempt may take from its start, pauses included; a `timeout_s` of its item wins. None:
+            in real time as `timeout_factor` says, in simulated time no limit.
+        timeout_factor: in real time, where neither item nor policy has a limit and an expected duration is known, how
+            many times that an attempt may take, pauses not counted; at least `limits.LEAST_S`. None for no limit.
+        call_timeout_s: in real time, how long an executor's `start` may take without a word from it; None for ever.
         start_timeout_s: how long it may take from being dispatched to its start; None: as long as `timeout_s`.
         grace_s: how long an executor may take to answer a cancel; after that it gets nothing more for that agent.
         max_wait_s: how long to wait for facts when nothing else is left to do; None for ever (in simulated time, until
@@ -66,6 +70,8 @@ class DispatchPolicy:
     replan_on: tuple[str, ...] = ()
     delay_s: float = 5.0
     max_replans: int = 100
+    timeout_factor: float | None = 10.0
+    call_timeout_s: float | None = 30.0
 
     def __post_init__(self) -> None:
         _check_word("mode", self.mode, tuple(DispatchMode))
@@ -76,7 +82,7 @@ class DispatchPolicy:
             raise DispatchError(f"max_replans: found {self.max_replans}, expected at least 0")
         for word in self.replan_on:
             _check_word("replan_on", word, tuple(ReplanOn))
-        for name in ("timeout_s", "start_timeout_s", "grace_s", "max_wait_s", "delay_s"):
+        for name in ("timeout_s", "start_timeout_s", "grace_s", "max_wait_s", "delay_s", *_REAL_TIME):
             value = getattr(self, name)
             least = 0.0 if name in ("grace_s", "max_wait_s", "delay_s") else math.ulp(0.0)
             if value is not None and not least <= value < math.inf:
@@ -85,8 +91,12 @@ class DispatchPolicy:
                 )
 
     def __repr__(self) -> str:
-        """Return all fields, those of replanning only where something is set: ids of runs are derived from this."""
-        names = (f.name for f in fields(self) if f.name not in _REPLANNING or self.replan_on)
+        """Return all fields that count in simulated time, those of replanning only where something is set.
+
+        Ids of simulated runs are derived from this.
+        """
+        shown = (f.name for f in fields(self) if f.name not in _REAL_TIME)
+        names = (name for name in shown if name not in _REPLANNING or self.replan_on)
         return f"DispatchPolicy({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
 

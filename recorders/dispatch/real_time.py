@@ -37,6 +37,11 @@ class RealTimeLoop:
         """The instant, ns since the epoch."""
         return self._clock_ns()
 
+    @property
+    def real_time(self) -> bool:
+        """It is."""
+        return True
+
     def schedule(self, time_ns: int, action: Action, priority: int = 0) -> None:
         """Run an action at an instant. If that is past, run it at once, after all submitted actions."""
         self._inbox.put((max(time_ns, 0), priority, next(self._number), action))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, Final
 
-from hrclog.errors import IllegalEventError, InvalidEventError, LogWriteError
+from hrclog.errors import IllegalEventError, InvalidEventError
 from hrclog.events import (
     AnnotationAdded,
     ClockSynced,
@@ -20,12 +20,15 @@ from hrclog.events import (
     TaskDispatched,
     TaskEnded,
     TaskFact,
+    TaskPaused,
     TaskStarted,
     event_on,
     identity,
 )
 from hrclog.planning.problem import Problem
 from hrclog.recorders.clock import Clock
+from hrclog.recorders.dispatch.calls import Call, Caller
+from hrclog.recorders.dispatch.limits import Limits, limits_of
 from hrclog.recorders.dispatch.policy import DispatchPolicy
 from hrclog.recorders.executors.protocol import Command, Emit, Executor, rejection
 from hrclog.state import PLANNED, ExecutionState, Phase, apply
@@ -37,6 +40,7 @@ AFTER_ALL: Final = 9
 OnEnd = Callable[[Command, TaskEnded, bool], None]
 """Told of every end: the command, its last event, and whether another attempt makes sense."""
 
+_LOOK_AGAIN_S: Final = 0.1  # at least, at an execution that pauses
 _PASSED_ON: Final = (SafetyStateChanged, Heartbeat, ClockSynced, AnnotationAdded)
 _TIMED_OUT_IF: Final = (Outcome.CANCELED, Outcome.FAILED)
 
@@ -47,15 +51,32 @@ class _Execution:
 
     command: Command
     executor: Executor | None
-    timeout_s: float | None
+    limits: Limits
+    call: Call = field(default_factory=Call)
     state: ExecutionState = PLANNED
     last_ns: int = 0
     limit: str = ""  # the limit that it exceeded
     canceled: bool = False
+    started_ns: int = 0
+    paused_ns: int = 0  # in pauses that are over
+    pause_began_ns: int | None = None  # of the pause that goes on
 
     def over(self) -> bool:
         """Return whether it has ended."""
         return self.state.phase is Phase.ENDED
+
+    def note_pause(self, fact: TaskFact, now_ns: int) -> None:
+        """Note when it starts, and when it pauses and goes on."""
+        if isinstance(fact, TaskStarted):
+            self.started_ns = now_ns
+        if self.pause_began_ns is not None:
+            self.paused_ns += now_ns - self.pause_began_ns
+        self.pause_began_ns = now_ns if isinstance(fact, TaskPaused) else None
+
+    def worked_s(self, now_ns: int) -> float:
+        """Return how long it has been under way, pauses not counted."""
+        until_ns = now_ns if self.pause_began_ns is None else self.pause_began_ns
+        return (until_ns - self.started_ns - self.paused_ns) / NS_PER_S
 
 
 class TaskManager:
@@ -91,6 +112,8 @@ class TaskManager:
         self._policy = policy
         self._emit = emit
         self._on_end = on_end
+        self._caller = Caller(clock, policy.grace_s)
+        self._closed = False
         self._executions: dict[str, _Execution] = {}
         self._steps: dict[str, ExecutionState] = {}
         for executor in {id(executor): executor for executor in executors.values()}.values():
@@ -103,8 +126,9 @@ class TaskManager:
             command: what is to be done.
             timeout_s: how long it may take; None for the policy's limit.
         """
-        limit_s = self._policy.timeout_s if timeout_s is None else timeout_s
-        execution = _Execution(command, self._executors.get(command.agent), limit_s)
+        task = self._tasks.get(command.task)
+        limits = limits_of(command, timeout_s, self._policy, task, real_time=self._clock.real_time)
+        execution = _Execution(command, self._executors.get(command.agent), limits)
         self._executions[command.execution_id] = execution
         self.active[command.agent] = command.execution_id
         self._emit_fact(
@@ -117,14 +141,15 @@ class TaskManager:
         if execution.executor is None or refusal:
             self._refuse(execution, refusal)
             return
-        start_s = self._policy.start_timeout_s if self._policy.start_timeout_s is not None else limit_s
-        self._schedule_limit(execution, Phase.DISPATCHED, start_s, "did not start within")
-        try:
-            execution.executor.start(command)
-        except LogWriteError:  # of the log itself
-            raise
-        except Exception as error:  # noqa: BLE001 - an executor is foreign code: its failure is the attempt's
-            self._end(execution, Outcome.FAILED, f"executor: {_error_text(error)}")
+        self._schedule_limit(execution, Phase.DISPATCHED, limits.start_s, "did not start within")
+        if limits.call_s is not None:
+            self._schedule_after(limits.call_s, partial(self._cancel_if_mute, execution, limits.call_s))
+        self._caller.start(execution.executor, command, execution.call, partial(self._fail_start, execution))
+
+    def close(self) -> None:
+        """Let go of the executors: what they say from here on is not heard."""
+        self._closed = True
+        self._caller.close()
 
     def cancel(self, execution_id: str, reason: str) -> None:
         """Ask for the end of an execution; without an answer within the policy's grace it is ended here."""
@@ -132,14 +157,18 @@ class TaskManager:
         if execution.canceled or execution.over() or execution.executor is None:
             return
         execution.canceled = True
-        try:
-            execution.executor.cancel(execution_id, reason)
-        except LogWriteError:
-            raise
-        except Exception as error:  # noqa: BLE001 - as in `give`
-            self._annotate(f"executor of {execution.command.agent!r} could not cancel: {_error_text(error)}", {})
+        ask = partial(execution.executor.cancel, execution_id, reason)
+        self._caller.cancel(execution.executor, ask, execution.call, partial(self._tell_failed_cancel, execution))
         if not execution.over():
             self._schedule_after(self._policy.grace_s, partial(self._end_unanswered, execution, reason))
+
+    def _fail_start(self, execution: _Execution, error: BaseException) -> None:
+        if not self._closed:
+            self._end(execution, Outcome.FAILED, f"executor: {_error_text(error)}")
+
+    def _tell_failed_cancel(self, execution: _Execution, error: BaseException) -> None:
+        if not self._closed:
+            self._annotate(f"executor of {execution.command.agent!r} could not cancel: {_error_text(error)}", {})
 
     def _refusal(self, command: Command) -> str:
         """Return why a command cannot be handed out, "" if it can."""
@@ -157,6 +186,8 @@ class TaskManager:
 
     def _handle_event(self, executor: Executor, event: Event) -> None:
         """Accept an executor's event, or keep it as an annotation."""
+        if self._closed:
+            return
         if isinstance(event, TaskFact) and event.parent_execution_id:
             self._handle_step(executor, event)
         elif isinstance(event, TaskFact | CommandRejected):
@@ -213,17 +244,18 @@ class TaskManager:
     def _advance(self, execution: _Execution, fact: TaskFact, state: ExecutionState, *, may_retry: bool = True) -> None:
         """Store the new state of an execution, and act on it."""
         execution.state, execution.last_ns = state, fact.time_ns
+        execution.note_pause(fact, self._clock.now_ns)
         if isinstance(fact, TaskStarted):
-            self._schedule_limit(execution, Phase.STARTED, execution.timeout_s, "took longer than")
+            self._schedule_limit(execution, Phase.STARTED, execution.limits.work_s, "took longer than")
         elif isinstance(fact, TaskEnded):
             del self.active[fact.agent]
             self._on_end(execution.command, fact, may_retry)
 
     def _schedule_limit(self, execution: _Execution, phase: Phase, limit_s: float | None, text: str) -> None:
         if limit_s is not None:
-            self._schedule_after(limit_s, partial(self._cancel_if_overdue, execution, phase, f"{text} {limit_s:g} s"))
+            self._schedule_after(limit_s, partial(self._cancel_if_overdue, execution, phase, limit_s, text))
 
-    def _cancel_if_overdue(self, execution: _Execution, phase: Phase, limit: str) -> None:
+    def _cancel_if_overdue(self, execution: _Execution, phase: Phase, limit_s: float, text: str) -> None:
         """Cancel an execution that has not left a phase in time."""
         current_phase = execution.state.phase
         if (
@@ -232,6 +264,21 @@ class TaskManager:
             or (phase is Phase.DISPATCHED and current_phase is not Phase.DISPATCHED)
         ):
             return
+        if phase is Phase.STARTED and execution.limits.expected:
+            left_s = limit_s - execution.worked_s(self._clock.now_ns)
+            if left_s > 0.0:  # it paused
+                again = partial(self._cancel_if_overdue, execution, phase, limit_s, text)
+                self._schedule_after(max(left_s, _LOOK_AGAIN_S), again)
+                return
+        self._cancel_over_limit(execution, f"{text} {limit_s:g} s")
+
+    def _cancel_if_mute(self, execution: _Execution, limit_s: float) -> None:
+        """Cancel an execution whose executor has said nothing so far and is still in `start`."""
+        open_text = execution.call.open_text()
+        if execution.state.phase is Phase.DISPATCHED and open_text and not execution.canceled:
+            self._cancel_over_limit(execution, f"did not start within {limit_s:g} s")
+
+    def _cancel_over_limit(self, execution: _Execution, limit: str) -> None:
         execution.limit = limit
         self.cancel(execution.command.execution_id, limit)
 
@@ -240,9 +287,11 @@ class TaskManager:
         if execution.over():
             return
         agent = execution.command.agent
-        self.lost[agent] = f"executor of {agent!r} does not answer"
+        open_call = execution.call.open_text()
+        self.lost[agent] = f"executor of {agent!r} does not answer" + (f" ({open_call})" if open_call else "")
         silence = f"the executor did not answer the cancel within {self._policy.grace_s:g} s"
-        self._end(execution, Outcome.TIMED_OUT, f"{reason}; {silence}", may_retry=False)
+        reasons = "; ".join(filter(None, (reason, silence, open_call)))
+        self._end(execution, Outcome.TIMED_OUT, reasons, may_retry=False)
 
     def _refuse(self, execution: _Execution, reason: str) -> None:
         self._emit(rejection(execution.command, time_ns=self._now_ns(execution), reason=reason))
@@ -320,15 +369,15 @@ def _event_fields(event: object) -> dict[str, Any]:
     if not isinstance(event, Event):
         return {"value": _safe_text(repr(event))}
     field_values: dict[str, Any] = {"kind": event.kind}
-    for field in fields(event):
-        value = getattr(event, field.name)
+    for name in (entry.name for entry in fields(event)):
+        value = getattr(event, name)
         with suppress(TypeError, ValueError):  # values that cannot even be compared
             if value not in ("", None, {}, ()):
-                field_values[field.name] = value if isinstance(value, int) else _safe_text(value)
+                field_values[name] = value if isinstance(value, int) else _safe_text(value)
     return field_values
 
 
-def _error_text(error: Exception) -> str:
+def _error_text(error: BaseException) -> str:
     return _safe_text(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
 
 

@@ -44,6 +44,21 @@ def rejection(command: Command, *, time_ns: int, reason: str) -> CommandRejected
     )
 
 
+def is_prompt(executor: Executor) -> bool:
+    """Return whether an executor says that its methods never block and belong in the thread of its clock.
+
+    What a class says holds for its own methods: a class derived from it that has others says it anew.
+    """
+    if getattr(executor, "prompt", False) is not True:
+        return False
+    classes = type(executor).__mro__
+
+    def depth(name: str) -> int:
+        return next((i for i, owner in enumerate(classes) if name in vars(owner)), -1)
+
+    return depth("prompt") <= min(depth("start"), depth("cancel"))
+
+
 @runtime_checkable
 class Executor(Protocol):
     """Carries out the tasks of its agents and emits what happens.
@@ -52,6 +67,10 @@ class Executor(Protocol):
     `task_ended`; one that is cancelled before its start by `task_ended` alone. Every event carries the command's ids
     (`hrclog.events.event_on`). Facts that belong to no command (safety states, heartbeats) are emitted in the same
     way. The dispatcher keeps events that break these rules as annotations.
+
+    In real time `start` and `cancel` are called in threads, so that an executor that blocks holds up nobody else: the
+    `start` calls for one agent one after the other, those for different agents and cancels at any time. An executor
+    that never blocks and wants all calls in the thread of its clock says so by `prompt = True` in its class.
     """
 
     @property
@@ -64,7 +83,7 @@ class Executor(Protocol):
         ...
 
     def start(self, command: Command) -> None:
-        """Begin a command; returns at once."""
+        """Begin a command; returns soon."""
         ...
 
     def cancel(self, execution_id: str, reason: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from hrclog.errors import DispatchError
 from hrclog.event_rows import from_row
@@ -27,6 +28,8 @@ class ReplayExecutor:
     Raises:
         DispatchError: an agent has no execution in the log, or there are several runs.
     """
+
+    prompt: Final = True
 
     def __init__(self, events: Iterable[Event], clock: Clock, agents: Iterable[str] | None = None) -> None:
         recorded = list(events)

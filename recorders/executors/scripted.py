@@ -62,6 +62,8 @@ class ScriptedExecutor:
         clock: simulated or real.
     """
 
+    prompt: Final = True
+
     def __init__(self, steps: Iterable[ScriptStep], clock: Clock) -> None:
         self._steps: dict[tuple[str, str], list[ScriptStep]] = {}
         for step in steps:

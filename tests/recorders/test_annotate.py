@@ -8,6 +8,7 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import polars as pl
 import pytest
 import zstandard
 
@@ -247,3 +248,18 @@ def test_they_go_with_a_log_that_is_recovered_under_another_name(tmp_path: Path)
     (tmp_path / "elsewhere").mkdir()
     recover(tmp_path / "a.mcap.partial", tmp_path / "elsewhere" / "b.mcap")
     assert tags_at(tmp_path / "elsewhere") == [{"a": "1"}]
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_run_of_which_something_is_excluded_can_be_resumed(whole: bool, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Recorder(path, agents=["robot"]) as recorder:
+        open_one = recorder.start("robot", "pick")
+    hrclog.annotate(path, exclude=["run" if whole else open_one.execution_id], reason="a mistaken entry")
+    with Recorder(path, resume=True) as recorder:
+        recorder.end(open_one.execution_id)
+    hrclog.annotate(tmp_path, include=["run" if whole else open_one.execution_id])
+    events = hrclog.read_events(tmp_path).filter(pl.col("kind") != "annotation_added")
+    kinds = ["run_started", "task_started", "run_ended", "run_started", "task_ended", "run_ended"]
+    assert events.sort("seq")["kind"].to_list() == kinds
+    assert events["seq"].is_unique().all()

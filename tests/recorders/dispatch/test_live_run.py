@@ -109,7 +109,8 @@ def test_a_silent_executor_does_not_hold_up_a_live_run(tmp_path: Path) -> None:
     plan = line("a-1", "a-2", "b-1")
     steps = quick(plan, a_1=ScriptStep(agent="", task="", misbehaviour=Misbehaviour.NEVER_ANSWERS))
     policy = DispatchPolicy(timeout_s=0.05, grace_s=0.05)
-    assert live(tmp_path / "run.mcap", plan, steps, policy) == ("failed", "2 of 3 items did not succeed")
+    reason = "2 of 3 items did not succeed; executor of 'a' does not answer"
+    assert live(tmp_path / "run.mcap", plan, steps, policy) == ("failed", reason)
     ends = [event for event in logged(tmp_path / "run.mcap") if isinstance(event, TaskEnded)]
     assert {e.item_id: e.outcome for e in ends} == {"a-1": "timed_out", "a-2": "skipped", "b-1": "succeeded"}
 
