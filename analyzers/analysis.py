@@ -19,8 +19,10 @@ from hrclog.analyzers.synergy.estimators import DEFAULT_ESTIMATOR, ESTIMATORS, E
 from hrclog.analyzers.synergy.observations import observe
 from hrclog.analyzers.synergy.outlier_methods import OUTLIER_METHODS, Outliers
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
-from hrclog.log.reader import Logs, only_runs, read_logs
+from hrclog.log.logs import Logs
+from hrclog.log.reader import read_logs
 from hrclog.log.runs.where import ALL_RUNS, Where
+from hrclog.log.selected import only_runs
 
 
 def analyze(

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mutants import MAGIC, Base, records
 
-from hrclog.log.reader import read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder
 

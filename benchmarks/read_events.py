@@ -13,7 +13,7 @@ from measure import cpu_seconds, table
 
 from hrclog.events import STRING_COLUMNS, Event, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.ids import new_id
-from hrclog.log.reader import read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.writing.writer import write_log
 
 

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from hrclog.analyzers.synergy.fit import Fit
     from hrclog.analyzers.synergy.observations import Observations
     from hrclog.knowledge import open_knowledge
-    from hrclog.log.reader import Logs, read_events, read_logs
+    from hrclog.log.logs import Logs
+    from hrclog.log.reader import read_events, read_logs
     from hrclog.planning.plan import Plan, make_plan, read_plan, write_plan
     from hrclog.planning.problem import Count, Problem, Task
     from hrclog.recorders.annotate import annotate
@@ -51,7 +52,7 @@ _LAZY = {
     "Fit": "hrclog.analyzers.synergy.fit",
     "Foreign": "hrclog.recorders.importers.importer",
     "Importer": "hrclog.recorders.importers.importer",
-    "Logs": "hrclog.log.reader",
+    "Logs": "hrclog.log.logs",
     "Observations": "hrclog.analyzers.synergy.observations",
     "Plan": "hrclog.planning.plan",
     "Problem": "hrclog.planning.problem",

@@ -17,7 +17,9 @@ from hrclog.log.annotations.add import add
 from hrclog.log.annotations.exclusions import Exclusion, exclusions_in, executions_meant
 from hrclog.log.annotations.said import Said, Verdict
 from hrclog.log.annotations.targets import RUN_WORD, Target, parse_target
-from hrclog.log.reader import Logs, read_log, read_logs
+from hrclog.log.logs import Logs
+from hrclog.log.one_log import read_log
+from hrclog.log.reader import read_logs
 from hrclog.log.runs.facts import run_facts
 from hrclog.log.runs.where import ALL_RUNS, Where
 from hrclog.tags import checked_tags

@@ -28,7 +28,7 @@ from hrclog.event_rows import parse_details
 from hrclog.files import HIDDEN, lock, remedy_for, sync_folder, write_whole
 from hrclog.json_text import RESULT_JSON, read_json_file
 from hrclog.log.files.system import replace_atomically
-from hrclog.log.reader import read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.writing.writer import write_log
 from hrclog.sim.run import Run, run_id_of, run_name
 from hrclog.sim.scenario import Scenario

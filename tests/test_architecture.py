@@ -39,12 +39,15 @@ ARROWS: Mapping[str, str] = {
     "log.parts": "log.bags log.files log.limits log.losses log.mcap log.messages log.writing",
     "log.never_set": "log.remarks",
     "log.checks": "log.clocks log.never_set log.remarks",
+    "log.logs": "log.annotations log.messages",
+    "log.selected": "log.annotations log.logs log.runs",
+    "log.one_log": ("log.annotations log.bags log.files log.logs log.messages log.parts log.runs log.writing"),
     "log.reader": (
-        "log.annotations log.bags log.checks log.clocks log.files log.losses log.messages log.never_set log.parts "
-        "log.runs log.writing"
+        "log.annotations log.bags log.checks log.clocks log.files log.logs log.losses log.messages log.never_set "
+        "log.one_log log.runs log.selected"
     ),
     "log.topics": "log.bags log.files log.mcap log.messages log.parts",
-    "log.recover": "log.files log.limits log.losses log.mcap log.messages log.reader log.remarks log.writing",
+    "log.recover": "log.files log.limits log.losses log.mcap log.messages log.one_log log.remarks log.writing",
     "log.begun": "log.losses log.mcap log.messages log.recover",
     "log.follow": "log.mcap log.messages",
     "log.watch": "log.files log.writing",

@@ -25,9 +25,10 @@ from hrclog.knowledge.write import Taught
 from hrclog.log.annotations.exclusions import exclusion_diagnostics, exclusions_in, judged
 from hrclog.log.checks import usable
 from hrclog.log.clocks.correction import NO_CLOCKS, Clocks
+from hrclog.log.logs import Logs
 from hrclog.log.messages.decode import frame_of_rows
 from hrclog.log.messages.message import EVENTS
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.reader import read_logs
 from hrclog.log.runs.where import ALL_RUNS, Where
 from hrclog.plugins import PluginError
 from hrclog.wording import counted

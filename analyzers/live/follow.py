@@ -21,7 +21,8 @@ from hrclog.analyzers.result import Analysis
 from hrclog.errors import LogReadError
 from hrclog.log.annotations.exclusions import judged
 from hrclog.log.files.system import exists
-from hrclog.log.reader import Logs, read_annotated
+from hrclog.log.logs import Logs
+from hrclog.log.one_log import read_annotated
 from hrclog.log.watch import Listing, Stamp, finished_log, list_folder
 from hrclog.wording import counted
 

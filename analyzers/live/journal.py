@@ -18,8 +18,8 @@ from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
 from hrclog.log.files.system import exists
 from hrclog.log.follow import JournalFollower, News, is_being_written
+from hrclog.log.logs import Logs
 from hrclog.log.messages.signals import SIGNAL_COLUMNS
-from hrclog.log.reader import Logs
 
 QUIET_NS: Final = 60_000_000_000
 """A journal counts as abandoned if it has not grown for so long and the system does not know its writer."""

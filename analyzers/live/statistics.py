@@ -16,8 +16,8 @@ from hrclog.analyzers.result import Analysis
 from hrclog.diagnostic import Diagnostic
 from hrclog.log.annotations.exclusions import excluded_runs, exclusion_diagnostics, judged
 from hrclog.log.checks import check_events, usable, without_copies
+from hrclog.log.logs import ORDER, Logs
 from hrclog.log.messages.message import EVENTS
-from hrclog.log.reader import ORDER, Logs
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from hrclog.errors import InvalidEventError
 from hrclog.event_rows import parse_details
 from hrclog.events import COMPLETED, NOT_LEARNT, OUTCOME_NOT_TOLD, TASK_KINDS, UNKNOWN_OUTCOME, Outcome, Role
 from hrclog.log.annotations.exclusions import not_learnt
-from hrclog.log.reader import ORDER
+from hrclog.log.logs import ORDER
 from hrclog.state import PLANNED, ExecutionState, apply
 from hrclog.wording import counted
 

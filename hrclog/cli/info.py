@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hrclog.diagnostic import Diagnostic
+    from hrclog.log.logs import Logs
     from hrclog.log.mcap.describe import Description
-    from hrclog.log.reader import Logs
     from hrclog.log.topics import PartFacts
 
 Parts: TypeAlias = "dict[Path, PartFacts]"

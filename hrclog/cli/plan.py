@@ -255,7 +255,7 @@ def _read_run(path: Path, clocks: dict[str, int]) -> tuple[list[Event], int]:
     from hrclog.log.annotations.exclusions import exclusion_diagnostics, judged
     from hrclog.log.clocks.correction import on_one_clock
     from hrclog.log.never_set import with_numbers, without_unset
-    from hrclog.log.reader import read_annotated
+    from hrclog.log.one_log import read_annotated
 
     logs = read_annotated(path)
     events, unset = without_unset(logs.events)

@@ -17,7 +17,7 @@ from hrclog.knowledge.properties import TaskProperties, declared_properties, sna
 from hrclog.knowledge.rows import clean, clean_text
 from hrclog.knowledge.tables import RESULT_ORDER, TASK_RESULTS
 from hrclog.log.annotations.said import said_in
-from hrclog.log.reader import ORDER
+from hrclog.log.logs import ORDER
 from hrclog.log.remarks import said_among, without_said
 
 _TOTAL_ORDER: Final = (*ORDER, *(name for name in COLUMNS if name not in ORDER))

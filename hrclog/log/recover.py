@@ -44,7 +44,7 @@ from hrclog.log.messages import channels
 from hrclog.log.messages.channels import EVENTS_TOPIC
 from hrclog.log.messages.decode import EVENT_COLUMNS, decode_contents
 from hrclog.log.messages.encode import event_message
-from hrclog.log.reader import read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.remarks import RECOVERED
 from hrclog.log.writing.journal import PARTIAL_SUFFIX
 from hrclog.log.writing.writer import FinishedWriter, write_atomically

@@ -18,7 +18,7 @@ from hrclog.file_names import file_stem
 from hrclog.files import sync_folder
 from hrclog.ids import derived_id
 from hrclog.log.messages.decode import frame_of_rows
-from hrclog.log.reader import read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.writing.writer import pack_events, packed_bytes, write_log, write_packed
 from hrclog.recorders.importers.importer import Foreign, Imported, Importer
 from hrclog.tags import NO_TAGS

@@ -21,9 +21,9 @@ from hrclog.analyzers.projections.schemas import DURATIONS, RUNS, SYNERGIES
 from hrclog.analyzers.synergy.estimator import estimate
 from hrclog.analyzers.synergy.estimators import ESTIMATORS
 from hrclog.analyzers.synergy.observations import observe
+from hrclog.log.logs import Logs
 from hrclog.log.messages.message import EVENTS
 from hrclog.log.messages.signals import SIGNAL_COLUMNS
-from hrclog.log.reader import Logs
 
 TAGS = {"div", "p", "b", "br", "code", "table", "caption", "tr", "th", "td", "span"}
 HOSTILE = (

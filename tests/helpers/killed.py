@@ -22,7 +22,8 @@ import polars as pl
 
 from hrclog.diagnostic import CODES
 from hrclog.errors import LogReadError
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.logs import Logs
+from hrclog.log.reader import read_logs
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder

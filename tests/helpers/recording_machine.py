@@ -15,7 +15,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from hrclog.errors import HrclogError, IllegalEventError
 from hrclog.log.annotations.exclusions import not_learnt
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.logs import Logs
+from hrclog.log.reader import read_logs
 from hrclog.log.recover import recover
 from hrclog.log.runs.tags import run_tags
 from hrclog.log.writing.journal import journal_path

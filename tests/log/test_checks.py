@@ -9,10 +9,11 @@ import pytest
 
 from hrclog.event_rows import to_row
 from hrclog.events import LATEST_NS, Heartbeat, RunStarted, TaskStarted
+from hrclog.log.logs import Logs
 from hrclog.log.messages.channels import EVENTS as EVENTS_CHANNEL
 from hrclog.log.messages.encode import Message
 from hrclog.log.messages.message import encode_row
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.reader import read_logs
 from hrclog.log.writing.writer import write_atomically, write_log
 
 

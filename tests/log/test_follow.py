@@ -22,7 +22,7 @@ from hrclog.errors import LogReadError
 from hrclog.log import follow
 from hrclog.log.follow import JournalFollower, News, is_being_written
 from hrclog.log.messages.recorded_scene import merged
-from hrclog.log.reader import read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.watch import finished_log, list_folder
 from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder

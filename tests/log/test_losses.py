@@ -21,9 +21,11 @@ from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.errors import LogReadError
 from hrclog.event_rows import from_row, parse_details
 from hrclog.events import AnnotationAdded, Event, Heartbeat, RunEnded, RunStarted
+from hrclog.log.logs import Logs
 from hrclog.log.mcap.records import Walk
 from hrclog.log.messages.encode import FloatSignal, event_message, signal_message
-from hrclog.log.reader import Logs, read_log, read_logs
+from hrclog.log.one_log import read_log
+from hrclog.log.reader import read_logs
 from hrclog.log.recover import recover
 from hrclog.log.remarks import RECOVERED
 from hrclog.log.writing.journal import LIBRARY, Journal

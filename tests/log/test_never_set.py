@@ -22,10 +22,11 @@ import hrclog
 from hrclog.diagnostic import Diagnostic
 from hrclog.event_rows import to_row
 from hrclog.events import SafetyStateChanged
+from hrclog.log.logs import Logs
 from hrclog.log.messages.definitions import Definition
 from hrclog.log.messages.message import DEFINITION, EVENTS, TYPE_NAME, encode_row
 from hrclog.log.never_set import check_speeds, with_numbers, without_unset
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.reader import read_logs
 from hrclog.log.recover import recover
 
 PLANNED = ("planned_start_ns", "planned_end_ns")

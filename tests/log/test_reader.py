@@ -23,9 +23,11 @@ from hrclog.diagnostic import CODES, Diagnostic, loses_data
 from hrclog.errors import LogReadError
 from hrclog.event_rows import to_row
 from hrclog.events import Event, Heartbeat, RunEnded, RunStarted, TaskEnded, TaskStarted, UnknownEvent
+from hrclog.log.logs import ORDER, Logs
 from hrclog.log.messages.encode import event_message
 from hrclog.log.messages.message import EVENTS
-from hrclog.log.reader import ORDER, Logs, read_events, read_log, read_logs
+from hrclog.log.one_log import read_log
+from hrclog.log.reader import read_events, read_logs
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import Journal
 from hrclog.log.writing.writer import write_atomically, write_log

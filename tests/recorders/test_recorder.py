@@ -28,9 +28,10 @@ from hrclog.event_rows import from_row, parse_details
 from hrclog.events import Event, Heartbeat, RunEnded, RunStarted, TaskDispatched, TaskStarted
 from hrclog.files import lock
 from hrclog.log.begun import Cleared, clear
+from hrclog.log.logs import Logs
 from hrclog.log.mcap.records import Walk
 from hrclog.log.messages.encode import Message
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.reader import read_logs
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import Journal, journal_path
 from hrclog.recorders.event_recorder import EventRecorder, steady_clock

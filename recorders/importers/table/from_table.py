@@ -10,10 +10,10 @@ import polars as pl
 
 from hrclog.errors import HrclogError
 from hrclog.event_rows import parse_details
+from hrclog.log.logs import ORDER, Logs
 from hrclog.log.messages.decode import EVENT_COLUMNS
 from hrclog.log.messages.message import EVENTS
 from hrclog.log.messages.signals import SIGNAL_COLUMNS
-from hrclog.log.reader import ORDER, Logs
 from hrclog.recorders.importers.table.columns import bind
 from hrclog.recorders.importers.table.executions import read_rows
 from hrclog.recorders.importers.table.frames import as_polars

@@ -38,7 +38,7 @@ from hrclog.errors import LogReadError
 from hrclog.log.checks import usable
 from hrclog.log.messages.message import EVENTS
 from hrclog.log.messages.signals import SIGNAL_COLUMNS
-from hrclog.log.reader import read_annotated, read_log
+from hrclog.log.one_log import read_annotated, read_log
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import journal_path
 from hrclog.recorders.recorder import Recorder

@@ -17,8 +17,8 @@ import hrclog
 from hrclog.analyzers.projections import executions as module
 from hrclog.analyzers.projections.executions import executions
 from hrclog.analyzers.projections.schemas import EXECUTIONS, RUNS
+from hrclog.log.logs import Logs
 from hrclog.log.messages.signals import SIGNAL_COLUMNS
-from hrclog.log.reader import Logs
 
 Row = dict[str, Any]
 

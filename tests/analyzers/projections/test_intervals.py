@@ -19,7 +19,8 @@ from hrclog.diagnostic import CODES, Diagnostic
 from hrclog.errors import InvalidEventError
 from hrclog.event_rows import from_row
 from hrclog.events import OUTCOME_NOT_TOLD, Outcome, TaskDispatched, TaskEnded, TaskFact, TaskStarted
-from hrclog.log.reader import ORDER, read_log
+from hrclog.log.logs import ORDER
+from hrclog.log.one_log import read_log
 from hrclog.log.writing.writer import write_log
 from hrclog.state import PLANNED, ExecutionState, apply
 

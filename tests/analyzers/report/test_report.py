@@ -39,7 +39,7 @@ from hrclog.analyzers.result import Analysis
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError, OutputError
 from hrclog.file_names import file_stem
-from hrclog.log.reader import Logs
+from hrclog.log.logs import Logs
 
 S = 1_000_000_000
 SAMPLES = Path(__file__).parents[3] / "sample_logs"

@@ -33,8 +33,9 @@ from hrclog.errors import LogReadError
 from hrclog.event_rows import to_row
 from hrclog.events import Event, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.bags.folder import open_bag
+from hrclog.log.logs import Logs
 from hrclog.log.messages.message import DEFINITION, TYPE_NAME, encode_row
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.reader import read_logs
 
 T0 = 1_700_000_000 * 10**9
 MILLISECOND = 10**6

@@ -19,7 +19,8 @@ from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError
 from hrclog.events import ClockSynced
 from hrclog.log.clocks.offsets import parse_offset
-from hrclog.log.reader import Logs, read_events, read_logs
+from hrclog.log.logs import Logs
+from hrclog.log.reader import read_events, read_logs
 
 DAY = 86_400
 TEMPORARY = tempfile.TemporaryDirectory()

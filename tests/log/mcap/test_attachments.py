@@ -20,7 +20,7 @@ from hrclog.log.mcap.describe import describe
 from hrclog.log.mcap.indexed import read_contents, read_indexed
 from hrclog.log.mcap.records import MAGIC, Record, Walk
 from hrclog.log.mcap.streamed import read_streamed
-from hrclog.log.reader import read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.recover import recover
 
 Attached = tuple[str, str, bytes]

@@ -16,9 +16,10 @@ from mcap.reader import NonSeekingReader
 
 from hrclog.diagnostic import Diagnostic, loses_data
 from hrclog.events import Event, Heartbeat, RunStarted, TaskEnded, TaskStarted
+from hrclog.log.logs import Logs
 from hrclog.log.mcap.records import Walk
 from hrclog.log.messages.encode import FloatSignal, Message, event_message, run_metadata, signal_message
-from hrclog.log.reader import Logs, read_log
+from hrclog.log.one_log import read_log
 from hrclog.log.recover import recover
 from hrclog.log.writing.journal import Journal
 from hrclog.log.writing.lanes import Lanes

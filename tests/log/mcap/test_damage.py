@@ -17,7 +17,8 @@ from hrclog.errors import LogReadError
 from hrclog.events import Event, RunEnded, RunStarted, TaskEnded, TaskStarted
 from hrclog.log.mcap.records import Walk, expand, record_at
 from hrclog.log.messages.encode import FloatSignal, event_message, run_metadata, signal_message
-from hrclog.log.reader import read_log, read_logs
+from hrclog.log.one_log import read_log
+from hrclog.log.reader import read_logs
 from hrclog.log.writing.journal import Journal
 from hrclog.log.writing.writer import RUN_METADATA, write_log
 

@@ -18,8 +18,9 @@ from rosbags.typesys.store import Typestore
 
 from hrclog.event_rows import to_row
 from hrclog.events import COLUMNS, Event, Heartbeat, TaskStarted
+from hrclog.log.logs import Logs
 from hrclog.log.messages.message import DEFINITION, TYPE_NAME, encode_row
-from hrclog.log.reader import Logs, read_log
+from hrclog.log.one_log import read_log
 
 LINES = [line for line in DEFINITION.splitlines() if line.split("#")[0].strip()]
 REVERSED = "\n".join(reversed(LINES))

@@ -18,6 +18,7 @@ from scenes import ARM_URDF, cell_scene
 
 from hrclog.errors import InvalidEventError
 from hrclog.events import Heartbeat, TaskStarted
+from hrclog.log.logs import Logs
 from hrclog.log.messages import channels
 from hrclog.log.messages.encode import (
     DescriptionSignal,
@@ -29,7 +30,7 @@ from hrclog.log.messages.encode import (
     Signal,
     event_message,
 )
-from hrclog.log.reader import Logs, read_logs
+from hrclog.log.reader import read_logs
 from hrclog.log.writing.writer import write_atomically, write_log
 from hrclog.scene import Area, Base, Box, Scene, Slot, parse_scene, scene_text
 

@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 from hrclog.errors import InvalidEventError, LogExistsError, LogWriteError
 from hrclog.event_rows import from_row, to_row
 from hrclog.events import COLUMNS, Event, Heartbeat, RunStarted, TaskEnded, TaskStarted
+from hrclog.log.logs import ORDER
 from hrclog.log.mcap.indexed import read_indexed
 from hrclog.log.messages.channels import encode_joints, joint_names
 from hrclog.log.messages.encode import FloatSignal, JointSignal
 from hrclog.log.messages.message import EVENTS as COLUMN_TYPES
 from hrclog.log.never_set import without_unset
-from hrclog.log.reader import ORDER, read_logs
+from hrclog.log.reader import read_logs
 from hrclog.log.writing.writer import write_log
 
 RUN_EVENTS = st.lists(EVENTS, min_size=1, max_size=8)

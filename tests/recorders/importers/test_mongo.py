@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from hrclog.analyzers.projections.intervals import intervals
 from hrclog.errors import ImportDataError, OutputError
-from hrclog.log.reader import read_log, read_logs
+from hrclog.log.one_log import read_log
+from hrclog.log.reader import read_logs
 from hrclog.recorders.importers.mongo import import_mongo
 from hrclog.recorders.importers.mongo_runs import run_events
 from hrclog.recorders.importers.writing import exact_ns, file_name
