@@ -89,7 +89,7 @@ def check_depth(value: object) -> None:
         JsonLimitError: it is.
     """
     level = [value]
-    for _ in range(DEEPEST + 1):
+    for _ in range(DEEPEST):
         level = [
             entry
             for container in level

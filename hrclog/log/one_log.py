@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -52,7 +53,7 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     diagnostics: list[Diagnostic] = []
     complain = complaints(path, diagnostics)
     if not exists(path):
-        if path.is_symlink():
+        if os.path.islink(path):  # unlike Path.is_symlink it takes names of any length
             raise LogReadError(path, f"a link to {path.readlink()}, which is not there", "an event log")
         journal = journal_path(path)
         remedy = f"its recorder was killed: hrclog recover {journal}" if exists(journal) else "check the path"

@@ -36,7 +36,7 @@ def test_the_report_is_one_file_and_its_figures_can_be_had_in_three_formats(
     count = len(document["figures"])
     assert page.count("<figure ") == count
     for kind in ("png", "svg"):
-        files = sorted((tmp_path / kind).iterdir())
+        files = sorted((tmp_path / kind).glob(f"*.{kind}"))
         assert sorted(document["written"][kind]) == [str(path) for path in files]
         assert len(files) == count
     assert (tmp_path / "figures.pdf").read_bytes().startswith(b"%PDF")
