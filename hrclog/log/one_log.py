@@ -53,7 +53,7 @@ def read_log(path: Path, *, signals: bool = False) -> Logs:
     diagnostics: list[Diagnostic] = []
     complain = complaints(path, diagnostics)
     if not exists(path):
-        if os.path.islink(path):  # unlike Path.is_symlink it takes names of any length
+        if os.path.islink(path):  # noqa: PTH114 - Path.is_symlink raises where a name is too long
             raise LogReadError(path, f"a link to {path.readlink()}, which is not there", "an event log")
         journal = journal_path(path)
         remedy = f"its recorder was killed: hrclog recover {journal}" if exists(journal) else "check the path"
