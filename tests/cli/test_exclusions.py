@@ -29,11 +29,11 @@ def logs(run: Run, tmp_path: Path) -> Path:
 
 def test_commands_leave_out_what_is_excluded_and_say_so_once(run: Run, logs: Path, tmp_path: Path) -> None:
     commands = (
-        ("analyze", logs, "-o", tmp_path / "out"),
+        ("analyze", logs, "-o", tmp_path / "out", "--recordings", 1),
         ("check", logs),
         ("info", logs),
         ("export", logs, "-o", tmp_path / "tables"),
-        ("report", logs, "-o", tmp_path / "report.html"),
+        ("report", logs, "-o", tmp_path / "report.html", "--runs", 0),
         ("score", logs, "--cv", 2, "--estimator", "ols"),
         ("compare", logs / "paper_0000.mcap", logs / "paper_000[12].mcap", "--bootstrap", 0, "--estimator", "ols"),
         ("kb", "update", logs, "--kb", tmp_path / "kb.sqlite", "--estimator", "ols"),
@@ -42,7 +42,7 @@ def test_commands_leave_out_what_is_excluded_and_say_so_once(run: Run, logs: Pat
         done = run(*command)
         assert done.code == 0, done.err
         assert done.err.count("[excluded]") == 1, (command, done.err)
-    listed = run("analyze", logs, "-o", tmp_path / "out", "--json").json()
+    listed = run("analyze", logs, "-o", tmp_path / "out", "--json", "--recordings", 1).json()
     assert [run_["name"] for run_ in listed["runs"]] == ["paper_0000", "paper_0001", "paper_0002"]
     assert [(entry["verdict"], entry["reason"]) for entry in listed["exclusions"]] == [
         ("excluded", "a <b>pilot</b>"),
