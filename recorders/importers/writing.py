@@ -226,7 +226,7 @@ def _check_unchanged(path: Path, imported: pl.DataFrame) -> None:
         raise ImportDataError(path, content, expected, "use an empty folder")
     if existing.equals(imported):
         return
-    remedy = "the source has changed since: import into an empty folder"
+    remedy = "the source has changed since, or how it is read: import into an empty folder"
     if existing.height != imported.height:
         existing_count, expected_count = counted(existing.height, "event"), counted(imported.height, "event")
         raise ImportDataError(path, f"a log of {existing_count}", f"{expected_count} of this run", remedy)

@@ -32,10 +32,13 @@ _GOAL: Final = re.compile(r"^(?:ACTION: \S+|MSG: \S+(?<!Action)Goal)\n(.*?)(?=^-
 _TEXT: Final = re.compile(r"^[^\S\n]*string(?:<=\d+)?[^\S\n]+(\w+)[^\S\n]*(?:#.*)?$", re.MULTILINE)
 _TASK_FIELDS: Final = ("task", "task_name", "name", "skill", "operation", "command")
 _HEAD: Final = "# A first mapping: check agents and tasks. docs/bags.md describes every key."
-_UNNAMED: Final = '\n# task = { field = "goal.task" }  # if a field of the goal names the task'
+_UNNAMED: Final = (
+    '\n# task = { field = "goal.task" }  # in the place of the line above, if a field of the goal names the task'
+)
 _UNDEFINED: Final = (
     "\n# The goals are recorded, but not the definition of their type. As it stands, all goals are one task."
-    "\n# To name the task by a field of the goal, give the goal of the .action file, and the field:"
+    "\n# To name the task by a field of the goal, put these two lines, with the goal of your .action file, in the place"
+    "\n# of the line above:"
     '\n# definition = "string task"'
     '\n# task = { field = "goal.task" }'
 )
