@@ -118,6 +118,14 @@ def parse_details(text: str, kind: str = "event") -> dict[str, Any]:
     return details
 
 
+def readable_details(text: str) -> dict[str, Any]:
+    """Return the JSON object of a `details` text, {} where it is none: the projection of intervals reports those."""
+    try:
+        return parse_details(text)
+    except InvalidEventError:
+        return {}
+
+
 def check_row(row: Mapping[str, Any], *, may_lack_outcome: bool = False) -> None:
     """Raise if a row that is about to be written says something that the vocabulary forbids.
 

@@ -11,8 +11,7 @@ from typing import Any, Final
 import polars as pl
 
 from hrclog.analyzers.projections.schemas import PLAN_LABELS
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.recipe_names import planner_and_session
 
 CHANGED: Final = ", changed"
@@ -46,7 +45,7 @@ def plan_labels(events: pl.DataFrame) -> pl.DataFrame:
         A frame of schema `PLAN_LABELS`.
     """
     started = events.filter(pl.col("kind") == "run_started").sort("run_id", "seq").unique("run_id", keep="first")
-    facts = {run: _facts(details) for run, details in started.select("run_id", "details").iter_rows()}
+    facts = {run: readable_details(details) for run, details in started.select("run_id", "details").iter_rows()}
     plans = {run: _plan(facts[run].get("plan")) for run in facts}
     label_of = _labels(plan for plan in plans.values() if plan)
     changed = set(events.filter(pl.col("kind") == "plan_changed")["run_id"])
@@ -56,13 +55,6 @@ def plan_labels(events: pl.DataFrame) -> pl.DataFrame:
         label = label_of[plan.digest] if plan else ""
         rows.append((run, label + (CHANGED if label and run in changed else ""), _planner(facts.get(run, {}))))
     return pl.DataFrame(rows, schema=PLAN_LABELS, orient="row")
-
-
-def _facts(details: str) -> dict[str, Any]:
-    try:
-        return parse_details(details)
-    except InvalidEventError:
-        return {}
 
 
 def _planner(facts: Mapping[str, Any]) -> str:

@@ -10,8 +10,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.events import COLUMNS, RunEnded, RunStarted
 from hrclog.knowledge.properties import TaskProperties, declared_properties, snapshot_id
 from hrclog.knowledge.rows import clean, clean_text
@@ -119,7 +118,7 @@ def _digest(events: pl.DataFrame) -> str:
 
 def _record(run_id: str, events: pl.DataFrame, version: Version, results: pl.DataFrame) -> RunRecord:
     by_seq = events.sort("seq", maintain_order=True)
-    started = [_details(text) for text in _column_of_kind(by_seq, RunStarted.kind, "details")]
+    started = [readable_details(text) for text in _column_of_kind(by_seq, RunStarted.kind, "details")]
     outcomes = _column_of_kind(by_seq, RunEnded.kind, "outcome")
     names = [details["name"] for details in started if isinstance(details.get("name"), str)]
     declared = [tasks for tasks in map(_declared_tasks, started) if tasks]
@@ -141,13 +140,6 @@ def _column_of_kind(events: pl.DataFrame, kind: str, column: str) -> list[str]:
 
 def _declared_tasks(details: dict[str, Any]) -> tuple[TaskProperties, ...]:
     return declared_properties(details.get("task_properties"))
-
-
-def _details(text: str) -> dict[str, Any]:
-    try:
-        return parse_details(text)
-    except InvalidEventError:
-        return {}
 
 
 def statistics_id(runs: Iterable[tuple[str, str]], estimator: str, version: int, outliers: str) -> str:

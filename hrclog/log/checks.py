@@ -7,8 +7,7 @@ from typing import Final
 import polars as pl
 
 from hrclog.diagnostic import Diagnostic
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.events import (
     COLUMNS,
     EVENT_CLASSES,
@@ -156,10 +155,7 @@ def _conflicting_runs(events: pl.DataFrame) -> list[Diagnostic]:
 
 
 def _segment(details: str) -> int:
-    try:
-        number = parse_details(details).get("segment", 1)
-    except InvalidEventError:
-        return 1
+    number = readable_details(details).get("segment", 1)
     return number if isinstance(number, int) else 1
 
 

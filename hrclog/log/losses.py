@@ -16,8 +16,7 @@ import polars as pl
 from mcap.records import Metadata
 
 from hrclog.diagnostic import Diagnostic
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.events import LATEST_NS, AnnotationAdded
 from hrclog.json_text import parse_json
 from hrclog.log.mcap.records import Problem
@@ -163,10 +162,7 @@ def remark(loss: Loss) -> AnnotationAdded:
 
 
 def _loss_in(details: str) -> Loss:
-    try:
-        loss = parse_details(details).get(RECOVERED)
-    except InvalidEventError:
-        loss = None
+    loss = readable_details(details).get(RECOVERED)
     return {str(name): str(value) for name, value in loss.items()} if isinstance(loss, dict) else {}
 
 

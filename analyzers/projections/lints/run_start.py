@@ -8,8 +8,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.events import PlanChanged, RunStarted
 
 
@@ -51,7 +50,7 @@ def run_starts(events: pl.DataFrame) -> dict[str, RunStart]:
     told = events.filter(pl.col("kind").is_in(_KINDS)).sort("run_id", "seq", maintain_order=True)
     starts: dict[str, RunStart] = {}
     for run, kind, details in told.select("run_id", "kind", "details").iter_rows():
-        facts = _parsed(details)
+        facts = readable_details(details)
         if run not in starts:
             starts[run] = _start(facts)
             continue
@@ -60,13 +59,6 @@ def run_starts(events: pl.DataFrame) -> dict[str, RunStart]:
         together = tuple(dict.fromkeys((*known.agents, *agents))) if known.agents else ()
         starts[run] = replace(known, agents=together, plan=_items(facts.get("plan")) or known.plan)
     return starts
-
-
-def _parsed(details: str) -> Mapping[str, Any]:
-    try:
-        return parse_details(details)
-    except InvalidEventError:
-        return {}
 
 
 def _start(facts: Mapping[str, Any]) -> RunStart:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Final
 
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.log.annotations.targets import Target, target_from_json
 from hrclog.log.remarks import ANNOTATED
 from hrclog.tags import TAGS
@@ -65,10 +64,7 @@ def said_in(details: str, reason: str = "") -> Said:
         details: its details, JSON.
         reason: its text.
     """
-    try:
-        content = parse_details(details).get(ANNOTATED)
-    except InvalidEventError:
-        content = None
+    content = readable_details(details).get(ANNOTATED)
     if not isinstance(content, dict):
         return Said(reason=reason)
     author, at_ns = content.get(_AUTHOR), content.get(_AT_NS)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-import shutil
 from pathlib import Path
 
 from hrclog.errors import LogWriteError
+from hrclog.files import write_whole
 from hrclog.log.files.names import ANNOTATIONS_SUFFIX, COMPRESSIONS, plain_name
 from hrclog.log.files.system import exists
 
@@ -44,7 +44,7 @@ def copy_annotations(log: Path, copy: Path) -> None:
         place = annotations_path(copy)
         place = place.with_name(place.name + ending)
         try:
-            shutil.copyfile(file, place)
+            write_whole(place, file.read_bytes(), durable=True)
         except OSError as error:
             reason = f"cannot be written ({error.strerror})"
             raise LogWriteError(place, reason, f"copy {file} there") from error

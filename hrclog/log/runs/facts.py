@@ -8,8 +8,7 @@ from pathlib import Path
 
 import polars as pl
 
-from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.events import RunStarted
 
 
@@ -37,10 +36,7 @@ def run_facts(events: pl.DataFrame) -> dict[str, RunFacts]:
 
 
 def _declared(details: str) -> tuple[str, tuple[str, ...]]:
-    try:
-        facts = parse_details(details)
-    except InvalidEventError:
-        return "", ()
+    facts = readable_details(details)
     return _text(facts.get("name")), tuple(_text(agent) for agent in _items(facts.get("agents")))
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import polars as pl
 
 from hrclog.errors import InvalidEventError
-from hrclog.event_rows import parse_details
+from hrclog.event_rows import readable_details
 from hrclog.events import RunStarted
 from hrclog.log.annotations.said import Said, said_in
 from hrclog.log.remarks import said_among
@@ -27,7 +27,7 @@ def run_tags(events: pl.DataFrame) -> dict[str, dict[str, str]]:
     """
     tags: dict[str, dict[str, str]] = {}
     for run_id, details in _telling(events).select("run_id", "details").iter_rows():
-        tags.setdefault(run_id, {}).update(_tags(_details(details).get(TAGS)))
+        tags.setdefault(run_id, {}).update(_tags(readable_details(details).get(TAGS)))
     annotations = said_among(events).select("run_id", "details").iter_rows()
     for run_id, said in sorted(((run_id, said_in(details)) for run_id, details in annotations), key=_when):
         tags.setdefault(run_id, {}).update(said.tags)
@@ -43,13 +43,6 @@ def _telling(events: pl.DataFrame) -> pl.DataFrame:
 
 def _when(entry: tuple[str, Said]) -> int:
     return entry[1].at_ns
-
-
-def _details(text: str) -> dict[str, Any]:
-    try:
-        return parse_details(text)
-    except InvalidEventError:
-        return {}
 
 
 def _tags(value: object) -> dict[str, str]:

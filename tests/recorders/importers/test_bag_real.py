@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -11,13 +10,13 @@ import polars as pl
 import pytest
 import ros_bags as bags
 from polars.testing import assert_frame_equal
+from real_runs import import_some
 from sizes import many
 
 import hrclog
 from hrclog.analyzers.projections.intervals import intervals
 from hrclog.log.reader import read_logs
 from hrclog.recorders.importers.bag import Bag
-from hrclog.recorders.importers.mongo import import_mongo
 from hrclog.recorders.importers.writing import import_files
 
 pytestmark = pytest.mark.slow
@@ -76,14 +75,7 @@ BY_GOAL = '[[action]]\ntopic = "/{agent}/do_task"\ntask = { field = "goal.task" 
 @pytest.fixture(scope="module")
 def dumps(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the logs of some of the authors' runs, as their dumps give them."""
-    folder = tmp_path_factory.mktemp("mongo")
-    rows = json.loads((data_dir / "safety_areas" / "task_results.json").read_text())
-    recipes = sorted({row["recipe"] for row in rows})
-    chosen = recipes[:: max(len(recipes) // N_RUNS, 1)][:N_RUNS]
-    source = folder / "some.json"
-    source.write_text(json.dumps([row for row in rows if row["recipe"] in chosen]))
-    import_mongo([source], folder / "logs")
-    return folder / "logs"
+    return import_some(data_dir, tmp_path_factory.mktemp("mongo"), N_RUNS)
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,10 +10,10 @@ from typing import Any
 import polars as pl
 import pytest
 from polars.testing import assert_frame_equal
+from real_runs import import_some
 from sizes import many
 
 import hrclog
-from hrclog.recorders.importers.mongo import import_mongo
 from hrclog.recorders.importers.table.importer import TableImporter
 from hrclog.recorders.importers.writing import import_files
 
@@ -28,14 +27,7 @@ Write = Callable[[pl.DataFrame, Path], Path]
 @pytest.fixture(scope="module")
 def dumps(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> hrclog.Analysis:
     """Return the analysis of some of the authors' runs, as their dumps give them."""
-    folder = tmp_path_factory.mktemp("mongo")
-    documents = json.loads((data_dir / "safety_areas" / "task_results.json").read_text())
-    recipes = sorted({document["recipe"] for document in documents})
-    chosen = recipes[:: max(len(recipes) // N_RUNS, 1)][:N_RUNS]
-    source = folder / "some.json"
-    source.write_text(json.dumps([document for document in documents if document["recipe"] in chosen]))
-    import_mongo([source], folder / "logs")
-    return hrclog.analyze(folder / "logs")
+    return hrclog.analyze(import_some(data_dir, tmp_path_factory.mktemp("mongo"), N_RUNS))
 
 
 def iso(ns: int) -> str:
