@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from hrclog.diagnostic import Diagnostic
     from hrclog.log.logs import Logs
-    from hrclog.log.mcap.describe import Description
+    from hrclog.log.mcap.description import Description
     from hrclog.log.topics import PartFacts
 
 Parts: TypeAlias = "dict[Path, PartFacts]"

@@ -11,7 +11,8 @@ from hrclog.errors import LogReadError
 from hrclog.log.bags.folder import is_bag, open_bag
 from hrclog.log.files.formats import Format
 from hrclog.log.files.unpack import load
-from hrclog.log.mcap.describe import Description, describe
+from hrclog.log.mcap.describe import describe
+from hrclog.log.mcap.description import Description
 from hrclog.log.messages.definitions import type_name
 from hrclog.log.parts import read_part
 

@@ -12,19 +12,13 @@ import polars as pl
 from hrclog.diagnostic import Diagnostic
 from hrclog.errors import HrclogError, ImportDataError
 from hrclog.recorders.importers.table.columns import Bound
-from hrclog.recorders.importers.table.instants import (
-    AmbiguousTimesError,
-    Times,
-    TimeSettings,
-    empty_as_null,
-    read_times,
-    unit_in_name,
-)
+from hrclog.recorders.importers.table.instants import Times, TimeSettings, empty_as_null, read_times
 from hrclog.recorders.importers.table.lifecycle import paired
 from hrclog.recorders.importers.table.mapping import Source, TableMapping
 from hrclog.recorders.importers.table.numbers import split_numbers
 from hrclog.recorders.importers.table.skipped import Skip, lines_text
 from hrclog.recorders.importers.table.tables import LINE
+from hrclog.recorders.importers.table.time_units import AmbiguousTimesError, unit_in_name
 from hrclog.recorders.importers.table.words import POINT, event_meanings, folded_words, outcome_meanings, texts_of
 from hrclog.wording import counted
 

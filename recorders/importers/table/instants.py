@@ -6,7 +6,6 @@ their size. Times of day and small numbers count from the start of the run.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from typing import Final
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
@@ -17,6 +16,14 @@ from hrclog.errors import HrclogError
 from hrclog.events import LATEST_NS
 from hrclog.recorders.importers.table.mapping import UNITS
 from hrclog.recorders.importers.table.numbers import BILLION, NUMBER, split_numbers, with_points
+from hrclog.recorders.importers.table.time_units import (
+    EARLIEST_S,
+    LONGEST_S,
+    UNIT_WORDS,
+    AmbiguousTimesError,
+    unit_in_name,
+    unit_of,
+)
 
 EMPTY: Final = ("", "na", "n/a", "null", "none", "-", "nat")
 """Cells that say nothing, in lower case."""
@@ -30,21 +37,9 @@ _LOCAL_DATE: Final = rf"^{_SHORT_DATE}(?:[T ,]\s*{_CLOCK}\s*([AaPp][Mm])?{_ZONE}
 _SINCE: Final = r"^([+-]?)(\d{1,5}):([0-5]?\d):([0-5]?\d)(?:[.,](\d+))?$"
 _PARTS: Final = ("first", "second", "third", "hour", "minute", "seconds", "rest", "half", "zone")
 
-# seconds since 1970 from 1979 on, and up to what int64 and `LATEST_NS` allow; other units times theirs
-_EARLIEST_S: Final = 3 * 10**8
-_LATEST_S: Final = LATEST_NS // BILLION
-_LONGEST_S: Final = 10**7  # of a relative time, 115 days
-_SERIAL_DAYS: Final = (20_000, 60_000)  # 1954 to 2064
-_SERIAL_DIGITS: Final = 5  # a second is 0.0000116 days
 _SPREADSHEET_1970: Final = 25_569  # 1970-01-01 as a day of a spreadsheet
 _DAY_NS: Final = UNITS["days"]
 _MS: Final = 10**6
-
-_UNIT_IN_NAME: Final = re.compile(
-    r"(?:^|[\W_])(?P<unit>ss\.msec|ns|nsec|nanoseconds?|us|µs|usec|ms|msec|msecs|millis|milliseconds?|s|sec|secs|seconds?)\W*$",
-    re.IGNORECASE,
-)
-_NAMED_UNITS: Final = {"n": "ns", "u": "us", "µ": "us", "s": "s"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +71,6 @@ class Times:
     form: str
     is_unit_sure: bool = True
     date_order: str = ""
-
-
-class AmbiguousTimesError(HrclogError):
-    """A column's times could mean several things."""
 
 
 class AmbiguousDatesError(AmbiguousTimesError):
@@ -124,17 +115,6 @@ def empty_as_null(values: pl.Series) -> pl.Series:
     """Return texts stripped, null where they say nothing."""
     texts = values.cast(pl.String).str.strip_chars()
     return pl.select(pl.when(~texts.str.to_lowercase().is_in(EMPTY)).then(texts)).to_series().rename(values.name)
-
-
-def unit_in_name(name: str) -> str:
-    """Return the unit that the name of a column tells, "" for none: `start_ms`, `Stop (s)`."""
-    match = _UNIT_IN_NAME.search(name.strip())
-    if match is None:
-        return ""
-    unit = match["unit"].lower()
-    if unit.startswith("m"):
-        return "ms"
-    return _NAMED_UNITS[unit[0]]
 
 
 def _nothing(like: pl.Series) -> pl.Series:
@@ -324,7 +304,7 @@ def _numbers(values: pl.Series, settings: TimeSettings) -> Times:
         pl.when(parts["whole"].is_null() & values.is_not_null()).then(pl.lit("its time is no finite number"))
     ).to_series()
     told = settings.unit or unit_in_name(values.name)
-    unit, is_relative, is_sure = _unit_of(values, parts["whole"], told)
+    unit, is_relative, is_sure = unit_of(values, parts["whole"], told)
     frame = parts.with_columns(values.cast(pl.Float64, strict=False).alias("value"))
     if unit == "days":
         since_1970 = ((pl.col("value") - _SPREADSHEET_1970) * _DAY_NS / _MS).round().cast(pl.Int64) * _MS
@@ -339,70 +319,26 @@ def _numbers(values: pl.Series, settings: TimeSettings) -> Times:
         pl.when(pl.col("whole").is_not_null()).then(LATEST_NS + 1)
     ).alias("ns")).to_series()  # fmt: skip
     if is_relative:
-        far = ns.abs() > _LONGEST_S * BILLION
+        far = ns.abs() > LONGEST_S * BILLION
         problem = pl.select(
             pl.coalesce(problem, pl.when(far).then(pl.lit("its time is not within 115 days of the start of the run")))
         ).to_series()
         ns = pl.select(pl.when(~far).then(ns)).to_series()
         return Times(
-            ns, problem, is_relative=True, form=f"{_UNIT_WORDS[unit]} since the start of the run", is_unit_sure=is_sure
+            ns, problem, is_relative=True, form=f"{UNIT_WORDS[unit]} since the start of the run", is_unit_sure=is_sure
         )
-    size = pl.col("whole").abs() < _EARLIEST_S * (BILLION // scale)
+    size = pl.col("whole").abs() < EARLIEST_S * (BILLION // scale)
     small = parts.select(size.fill_null(value=False)).to_series()
     problem = pl.select(
         pl.coalesce(
-            problem, pl.when(small).then(pl.lit(f"its time is not in {_UNIT_WORDS[unit]} since 1970, as the others"))
+            problem, pl.when(small).then(pl.lit(f"its time is not in {UNIT_WORDS[unit]} since 1970, as the others"))
         )
     ).to_series()
     ns = pl.select(pl.when(~small).then(ns)).to_series()
-    return _checked_instants(ns, problem, f"{_UNIT_WORDS[unit]} since 1970")
-
-
-_UNIT_WORDS: Final = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds", "days": "days"}
+    return _checked_instants(ns, problem, f"{UNIT_WORDS[unit]} since 1970")
 
 
 def _local_ns(ns: pl.Series, timezone: str, problem: pl.Series) -> tuple[pl.Series, pl.Series]:
     local = pl.select(pl.when(ns.abs() <= LATEST_NS).then(ns)).to_series().cast(pl.Datetime("ns"))
     zoned, zone_problem = _in_zone(local, timezone)
     return zoned, pl.select(pl.coalesce(problem, zone_problem)).to_series()
-
-
-def _unit_of(values: pl.Series, whole: pl.Series, told: str) -> tuple[str, bool, bool]:
-    """Return the unit of numbers, whether they count from the start of the run, and whether the unit is sure."""
-    sizes = whole.drop_nulls().abs()
-    if not len(sizes):
-        return told or "s", True, True
-    if told == "days":
-        return "days", False, True
-    if told:
-        floor = _EARLIEST_S * (BILLION // UNITS[told])
-        return told, bool((sizes >= floor).mean() < 0.5), True  # type: ignore[operator]  # a mean of booleans
-    by_size = {
-        unit: int(sizes.is_between(_EARLIEST_S * factor, _LATEST_S * factor).sum())
-        for unit, factor in (("s", 1), ("ms", 10**3), ("us", 10**6), ("ns", 10**9))
-    }
-    n_relative = int((sizes < _LONGEST_S).sum())
-    best = max(by_size, key=lambda unit: by_size[unit])
-    if by_size[best] > max(n_relative, len(sizes) // 2):
-        return best, False, True
-    if n_relative <= len(sizes) // 2:
-        raise AmbiguousTimesError(
-            f"column {values.name!r}: found {values.drop_nulls()[0]}, which is no instant in s, ms, us or ns since "
-            "1970 and no time since the start of a run; say what it counts: --unit s, ms, us, ns or days"
-        )
-    if int(sizes.is_between(*_SERIAL_DAYS).sum()) > len(sizes) // 2:
-        return _serial_or_seconds(values)
-    return "s", True, False
-
-
-def _serial_or_seconds(values: pl.Series) -> tuple[str, bool, bool]:
-    """Tell days of a spreadsheet from seconds, by the digits behind the point: a second is 0.0000116 days."""
-    digits = values.drop_nulls().cast(pl.String).str.extract(r"\.(\d+)$").fill_null("").str.len_chars().median()
-    if isinstance(digits, float) and digits >= _SERIAL_DIGITS:
-        return "days", False, True
-    if isinstance(digits, float) and digits <= 3 and digits > 0:
-        return "s", True, False
-    raise AmbiguousTimesError(
-        f"column {values.name!r}: found {values.drop_nulls()[0]}, seconds since the start of a run or days of a "
-        "spreadsheet; say which: --unit s or --unit days"
-    )

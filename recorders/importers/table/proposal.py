@@ -10,9 +10,10 @@ from typing import Final
 import polars as pl
 
 from hrclog.errors import HrclogError, ImportDataError
-from hrclog.recorders.importers.table.instants import AmbiguousTimesError, TimeSettings, empty_as_null, read_times
+from hrclog.recorders.importers.table.instants import TimeSettings, empty_as_null, read_times
 from hrclog.recorders.importers.table.mapping import Source, TableMapping
 from hrclog.recorders.importers.table.tables import Table
+from hrclog.recorders.importers.table.time_units import AmbiguousTimesError
 from hrclog.recorders.importers.table.words import END, EVENT_WORDS, OUTCOME_WORDS, START, folded_words
 
 _NAMES: Final = {

@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hrclog.errors import HrclogError
-from hrclog.recorders.importers.table.instants import AmbiguousTimesError, TimeSettings, read_times, unit_in_name
+from hrclog.recorders.importers.table.instants import TimeSettings, read_times
 from hrclog.recorders.importers.table.numbers import split_numbers
+from hrclog.recorders.importers.table.time_units import AmbiguousTimesError, unit_in_name
 
 S = 10**9
 # from 2000 to 2040
