@@ -439,7 +439,7 @@ def test_a_killed_recorder_leaves_its_run_unfinished_until_it_is_recovered(viewe
             steps.pop(0)()
         return False
 
-    follow(tmp_path, "", wait, until_idle_s=0.3, tell=viewer.told.append, followed=followed)
+    follow(tmp_path, "", wait, until_idle_s=2.0, tell=viewer.told.append, followed=followed)
     (run,) = viewer.runs
     assert run.names == ["a run (live)", "a run (unfinished)", "a run"]
     assert [text for text in viewer.told if "hrclog recover" in text and "its recorder has gone" in text] == viewer.told
